@@ -44,7 +44,7 @@ from pepper_drake.systems.faults.fault import parse_faults
 
 _BASELINE = Path(__file__).resolve().parents[1] / "benchmarks" / "baseline.json"
 _TABLE = "table"
-"""Family of the random scenes that have no other."""
+"""Family of the default random scenes."""
 
 
 def make_parser() -> ArgumentParser:
@@ -127,7 +127,7 @@ def make_parser() -> ArgumentParser:
 
 
 def _families(text: str) -> tuple[str, ...]:
-    """Reads names of families."""
+    """Parses a list of families."""
     if text == "all":
         return (_TABLE, *FAMILIES)
     names = tuple(text.split(","))
@@ -140,7 +140,7 @@ def _families(text: str) -> tuple[str, ...]:
 
 
 def _count(text: str) -> int:
-    """Reads a number of things from the command line."""
+    """Parses a positive integer."""
     number = cli.seed(text)
     if number == 0:
         raise InputError("0 is too few; give at least 1")
@@ -148,15 +148,15 @@ def _count(text: str) -> int:
 
 
 def has_numbers(options: Namespace) -> bool:
-    """True if the options name numbers of the loop."""
+    """Returns whether the options change the scenario."""
     return options.scenario is not None or bool(options.set)
 
 
 def chosen_numbers(options: Namespace) -> Scenario:
-    """The numbers of the loop that the options name.
+    """Returns the scenario of the options --scenario and --set.
 
     Raises:
-        InputError: They do not fit, or are what the methods differ in.
+        InputError: A value is invalid, or one in which the methods differ.
     """
     scenario, usual = scenario_of(options), Scenario()
     for name in ("planner.adapt", "planner.collision_checked", "planner_class"):
@@ -166,7 +166,7 @@ def chosen_numbers(options: Namespace) -> Scenario:
 
 
 def make_cases(options: Namespace, seed: int) -> list[Case]:
-    """The cases of a seed, one for each family."""
+    """Returns the cases of a seed, one for each family."""
     if options.moving and options.scene is not None:
         raise InputError("--moving is for random scenes; leave --scene out")
     if options.family is not None and options.scene is not None:
@@ -195,11 +195,11 @@ def make_cases(options: Namespace, seed: int) -> list[Case]:
 
 
 def make_tasks(options: Namespace) -> list[Task]:
-    """All runs that the options ask for, scene by scene."""
+    """Returns all requested runs, scene by scene."""
     methods = [get_method(letter) for letter in options.methods.split(",")]
     seeds = range(options.seed, options.seed + options.scenes)
     cases = [case for seed in seeds for case in make_cases(options, seed)]
-    for case in cases:  # What is wrong with a file is said before anything runs.
+    for case in cases:  # Checks the files before the first run.
         calibration_of(case.calibration, case.robot, case.seed)
     cases[0].build()
     for method in methods:
@@ -220,7 +220,7 @@ def make_tasks(options: Namespace) -> list[Task]:
 
 
 def replay(options: Namespace, scenario: Scenario) -> int:
-    """Runs one method on one scene again, with recording."""
+    """Repeats one method on one scene, with a recording."""
     letter, _, seed = options.replay.partition(":")
     method = get_method(letter)
     method.check()
@@ -241,7 +241,7 @@ def replay(options: Namespace, scenario: Scenario) -> int:
 
 
 def gate(options: Namespace) -> int:
-    """Measures what the baseline is about, and compares, or writes it anew."""
+    """Runs the gate, and compares the metrics with the baseline or replaces it."""
     reason = options.update_baseline
     if reason is not None and not reason.strip():
         raise InputError("--update-baseline has no reason; say in a sentence why numbers change")

@@ -55,7 +55,7 @@ from pepper_drake.results.folder import whole_results
 from pepper_drake.scenario import save_scenario
 
 RESULTS = ("calibration.yaml", "calibration.json", "scenario.yaml")
-"""The files that a run leaves."""
+"""Output files of a run."""
 
 MOST_POSTURES = 60
 
@@ -112,7 +112,7 @@ def chosen_params(options: Namespace) -> CalibrationParams:
     """Returns the calibration's parameters from the options.
 
     Raises:
-        InputError: One of them makes no sense.
+        InputError: One of them is invalid.
     """
     if not FEWEST_POSTURES <= options.postures <= MOST_POSTURES:
         raise InputError(
@@ -185,7 +185,7 @@ def main() -> int:
 
 
 def report(result: CalibrationResult, params: CalibrationParams) -> dict:
-    """All parameters, their covariance, and what else there is, as `calibration.json` has it."""
+    """Returns the content of `calibration.json`."""
     estimate = result.estimate
     return {
         "names": list(estimate.model.names),
@@ -200,7 +200,7 @@ def report(result: CalibrationResult, params: CalibrationParams) -> dict:
 
 
 def summary(calibration: RobotCalibration, result: CalibrationResult) -> str:
-    """A table for the terminal."""
+    """Returns a table for the terminal."""
     found = calibration.residuals
     lines = [
         f"marker against joints: {1000 * found.position_before:.1f} mm and "

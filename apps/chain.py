@@ -36,7 +36,7 @@ from pepper_drake.learning.dmp.chain import BLEND, Chain, Step, plan_chain
 from pepper_drake.results.folder import whole_results
 
 REACHED = 0.01
-"""A hand nearer to its goal than this [m] has reached it."""
+"""Largest distance of the hand from a reached goal [m]."""
 
 
 def main() -> int:
@@ -153,7 +153,7 @@ def read_steps(words: Sequence[str], *, relative: bool) -> list[Step]:
 
 
 def number(text: str, word: str) -> float:
-    """Reads a finite number of a movement's word."""
+    """Parses a finite number in a movement's argument `word`."""
     try:
         value = float(text)
     except ValueError:
@@ -164,14 +164,14 @@ def number(text: str, word: str) -> float:
 
 
 def index_of(number: float, steps: Sequence[Step], option: str) -> int:
-    """Returns the index of a movement that is counted from one."""
+    """Returns the index of a movement from its one-based number."""
     if number not in range(1, len(steps) + 1):
         raise InputError(f"{option} {number:g}: there are {len(steps)} movements, from 1")
     return int(number) - 1
 
 
 def draw(chain: Chain, motion: Demonstration) -> Figure:
-    """Draws positions and speed by time, with the joins."""
+    """Plots positions and speed over time, with the joins."""
     figure = Figure(figsize=(10, 7), layout="constrained")
     figure.suptitle("Does the hand pass from each movement to the next without a jump?")
     places, speeds = figure.subplots(2, 1, sharex=True)
@@ -192,7 +192,7 @@ def draw(chain: Chain, motion: Demonstration) -> Figure:
 
 
 def perform(arguments: argparse.Namespace, report: dict[str, object], chain: Path) -> None:
-    """Performs the motion in simulation and adds what came of it to the report."""
+    """Performs the motion in simulation and adds the outcome to the report."""
     from pepper_drake.diagrams.factory import make_primitive
     from pepper_drake.diagrams.reproduction_simulation import ReproductionOptions, reproduce
 
@@ -201,7 +201,7 @@ def perform(arguments: argparse.Namespace, report: dict[str, object], chain: Pat
     result = reproduce(
         primitive, arguments.arm, ReproductionOptions(progress=shows_progress(arguments))
     )
-    assert result is not None  # Nothing asks it to stop.
+    assert result is not None  # Only a stop request returns None.
     failed = result.final_position_error > REACHED
     report.update(
         outcome="failed" if failed else "reached",

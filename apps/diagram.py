@@ -63,7 +63,7 @@ def _depth(text: str) -> int:
 
 
 def build(name: str, scenario: Scenario) -> Diagram:
-    """Builds one of the `DIAGRAMS`, named as such."""
+    """Builds one of the `DIAGRAMS` by name."""
     scene = scenario.scene
     diagram: Diagram
     if name == "station":

@@ -71,7 +71,7 @@ def make_parser() -> ArgumentParser:
 
 
 def make_cases(options: Namespace) -> list[FaultCase]:
-    """The runs that the options ask for.
+    """Returns the requested runs.
 
     Raises:
         InputError: A signal, a start or a scene is unknown.
@@ -95,7 +95,7 @@ def make_cases(options: Namespace) -> list[FaultCase]:
 def run_missing(
     cases: Sequence[FaultCase], scenario: Scenario, jobs: int
 ) -> Generator[FaultResult]:
-    """Yields what comes of each case, as it comes.
+    """Yields the result of each case as it finishes.
 
     Raises:
         InputError: The number of jobs is not positive.
@@ -122,10 +122,10 @@ def main() -> int:
     hide = not cli.shows_progress(options)
     with (
         cli.stop_on_interrupt() as should_stop,
-        closing(run_missing(missing, scenario, options.jobs)) as results_as_they_come,
+        closing(run_missing(missing, scenario, options.jobs)) as finished,
         tqdm(total=len(cases), initial=len(cases) - len(missing), disable=hide, unit=" run") as bar,
     ):
-        for result in results_as_they_come:
+        for result in finished:
             done[FaultCase(result.fault, result.scene, result.seed)] = result
             rows = [asdict(row) for row in done.values()]
             write_atomically(path, json.dumps(rows, indent=1) + "\n")

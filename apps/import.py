@@ -54,7 +54,7 @@ def main() -> int:
 
 
 def free_name(name: str, taken: set[str]) -> str:
-    """Returns a name for a folder that is not taken yet, without what a path gives a meaning."""
+    """Returns an unused folder name without special characters."""
     clean = re.sub(r"[^\w.-]+", "_", name).strip("._")[:80] or "motion"
     number, free = 1, clean
     while free in taken:

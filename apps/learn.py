@@ -111,7 +111,7 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def prepare(demonstration: Demonstration, arguments: argparse.Namespace) -> Demonstration:
-    """Returns the demonstration as the options want it."""
+    """Smooths, trims and mirrors the demonstration by the options."""
     if arguments.smooth is not None:
         if not arguments.smooth > 0.0:
             raise InputError(f"--smooth: {arguments.smooth} Hz is not positive")
@@ -167,8 +167,8 @@ def learn_joints(arguments: argparse.Namespace) -> int:
     )
     path = primitive.rollout()
     times = recording.times - recording.times[0]
-    own = [np.interp(times, path.times, column) for column in path.joints.T]
-    error = float(np.abs(np.column_stack(own) - recording.joints).max())
+    reproduced = [np.interp(times, path.times, column) for column in path.joints.T]
+    error = float(np.abs(np.column_stack(reproduced) - recording.joints).max())
     report = {"joints": list(primitive.names), "joint_distance": error, "notes": recording.notes}
     with whole_results(arguments.output, ("joints.yaml", "report.json")) as folder:
         primitive.save(folder / "joints.yaml")
@@ -196,7 +196,7 @@ def conditioned(demonstrations: list[Demonstration], via: list[list[float]]) -> 
     """Returns the mean of the ProMP of demonstrations, conditioned on via points.
 
     Raises:
-        InputError: There are too few demonstrations, or a via point is no such.
+        InputError: There are too few demonstrations, or a via point is invalid.
     """
     refuse_unlike(demonstrations)
     promp = fit_promp(demonstrations)
@@ -242,14 +242,14 @@ def main() -> int:
 
     rows: list[dict[str, Any]] = []
     for demo in demonstrations:
-        own = primitive.rollout(
+        reproduced = primitive.rollout(
             start=demo.positions[0],
             goal=demo.positions[-1],
             duration=demo.duration,
             start_velocity=demo.velocities[0],
         )
-        position, velocity = distances(demo, own)
-        leaves = primitive.distance(demo)
+        position, velocity = distances(demo, reproduced)
+        largest = primitive.distance(demo)
         rows.append(
             {
                 "demonstration": demo.name,
@@ -258,7 +258,7 @@ def main() -> int:
                 "derivatives": demo.derivation,
                 "position_distance": position,
                 "velocity_distance": velocity,
-                "largest_position_distance": leaves,
+                "largest_position_distance": largest,
             }
         )
     report = {

@@ -73,10 +73,10 @@ from pepper_drake.scenario import NUMBERS, Scenario, save_scenario
 
 HISTORY = "history.npz"
 RESULTS = ("report.json", "primitive.yaml", HISTORY, "cost.png", "paths.png", "scenario.yaml")
-"""The files that a search leaves."""
+"""Output files of a search."""
 
 DECAYING = ("algorithm3", "enac")
-"""Methods whose exploration shrinks by a factor that is given."""
+"""Methods with a given decay factor of the exploration."""
 
 
 def make_parser() -> ArgumentParser:
@@ -183,14 +183,14 @@ def make_parser() -> ArgumentParser:
 def make_evaluator(
     options: Namespace, primitive: MovementPrimitive, cost: CostWeights | CostFunction
 ) -> MovementRollouts:
-    """Chooses what is searched, and how it is tried."""
+    """Returns the rollouts, with the parameters to search and the task."""
     kinematics, diagram = options.rollouts == "kinematics", options.rollouts == "diagram"
     if options.scene is not None and not diagram:
         raise InputError("--scene: is for --rollouts diagram only")
     if (options.scenario is not None or options.set) and not diagram:
         raise InputError("--scenario, --set: are for --rollouts diagram only")
     free = options.free or ("joints" if kinematics else "hand")
-    # Where the movement is to end where it ends, the joints need not learn that anew.
+    # With an unchanged goal, a search over joints keeps the end state.
     elsewhere = options.goal is not None or options.goal_offset is not None
     end_state = not options.fixed_end and (elsewhere or free == "hand") and not diagram
     parameters = make_parameters(primitive, free, options.kernels, end_state=end_state)
@@ -200,13 +200,13 @@ def make_evaluator(
 
 
 def chosen_scenario(options: Namespace) -> Scenario:
-    """Returns where and how Pepper reaches with what is tried."""
+    """Returns the scenario in which the samples are simulated."""
     scene = load_scene(options.scene or "table")
     return replace(scenario_of(options), scene=scene, seed=options.seed)
 
 
 def chosen_cost(options: Namespace) -> CostWeights | CostFunction:
-    """Chooses the cost, and says when it makes no sense."""
+    """Returns the cost, given or by default."""
     if options.cost is not None:
         cost = parse_cost(options.cost)
     elif options.rollouts == "diagram" or (options.rollouts == "kinematics" and options.obstacles):
@@ -223,7 +223,7 @@ def chosen_cost(options: Namespace) -> CostWeights | CostFunction:
 def chosen_task(
     options: Namespace, primitive: MovementPrimitive, cost: CostWeights | CostFunction
 ) -> Task:
-    """Chooses what the movement is for."""
+    """Returns the task: goal, obstacles and clearance."""
     goal = options.goal
     if options.goal_offset is not None:
         goal = primitive.goal + options.goal_offset
@@ -243,13 +243,13 @@ def chosen_task(
 
 
 def method_settings(options: Namespace, method: str) -> dict[str, Any]:
-    """Returns a method's settings beside samples and seed."""
-    settings = {"rate": options.exploration}  # None: that of the problem.
+    """Returns a method's settings other than samples and seed."""
+    settings = {"rate": options.exploration}  # None: the problem's default.
     return settings | {"decay": options.decay} if method in DECAYING else settings
 
 
 def started(options: Namespace) -> History:
-    """A new history, or the one that is to be resumed."""
+    """Returns a new history, or with --resume the stored one."""
     history = History()
     if options.resume:
         kept = options.output / INTERRUPTED / HISTORY
@@ -273,7 +273,7 @@ def started(options: Namespace) -> History:
 
 @contextmanager
 def workers(options: Namespace, alone: bool) -> Iterator[Executor | None]:
-    """Whoever does the work; nobody else where it has to be done alone."""
+    """Yields an executor of the rollouts, or None to run them in this process."""
     if alone:
         yield None
         return
@@ -289,7 +289,7 @@ def ask_tutor(
     history: History,
     problem: Problem,
 ) -> Problem:
-    """Lets a tutor rate the samples of each update."""
+    """Returns the problem with a cost rated by a tutor in each update."""
     tutor = RatingCollector(
         evaluate.parameters,
         options.output / "reproductions",
@@ -310,7 +310,7 @@ def write_results(
     seconds: float,
     converged: bool,
 ) -> None:
-    """Writes what was found so far, and says it."""
+    """Writes the results so far, and prints a summary."""
     with whole_results(options.output, RESULTS) as folder:
         measured = save_search(folder, history, evaluate, seconds=seconds, converged=converged)
         if isinstance(evaluate, DiagramRollouts):
@@ -330,7 +330,7 @@ def write_results(
 
 
 def run_search(options: Namespace, problem: Problem, evaluate: MovementRollouts) -> int:
-    """Searches, and leaves what was found, also when it is interrupted."""
+    """Searches, and writes the results, also when interrupted."""
     history = started(options)
     rating = evaluate.cost.rating if isinstance(evaluate.cost, CostWeights) else 0.0
     if rating > 0.0:
@@ -364,7 +364,7 @@ def run_search(options: Namespace, problem: Problem, evaluate: MovementRollouts)
                 options.updates,
                 history=history,
                 executor=executor,
-                # A tutor, or half a minute in the diagram, would be asked too much.
+                # A mean would cost another rating, or half a minute of simulation.
                 evaluate_means=rating == 0.0 and options.rollouts != "diagram",
                 target=options.target,
                 progress=progress,

@@ -68,10 +68,10 @@ RESULTS = (
     "camera_bottom.png",
     "camera_depth.png",
 )
-"""The files that a run leaves."""
+"""Output files of a run."""
 
 OWN_RESULTS = ("report.json", "image.png", "cloud.npz", "cloud.html")
-"""The files that a look at the user's own data leaves."""
+"""Output files for the user's own data."""
 
 SIMULATED_ONLY: dict[str, object] = {
     "image": None,
@@ -79,10 +79,10 @@ SIMULATED_ONLY: dict[str, object] = {
     "cloud": None,
     "live": False,
 }
-"""Options that a robot does not take, and their defaults."""
+"""Options for the simulation only, and their defaults."""
 
 _DISTANCES = (0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2)
-"""From where the marker is looked at [m]."""
+"""Distances of the camera from the marker [m]."""
 
 
 def make_parser() -> ArgumentParser:
@@ -166,7 +166,7 @@ def main() -> int:
     if min(options.poses, options.wrong_goal_frames) < 0:
         raise InputError("--poses and --wrong-goal-frames must not be negative.")
     cli.quiet_libraries()
-    # One thread, so that the times in the report are those of one core.
+    # The times in the report are those of one core.
     cv2.setNumThreads(1)
     scenario = chosen_scenario(options)
     study = PerceptionEvaluation(scenario.scene, scenario.seed, scenario.reaching_config())
@@ -205,7 +205,7 @@ def main() -> int:
 
 
 def chosen_scenario(options: Namespace) -> Scenario:
-    """Returns the scene, and how it is seen."""
+    """Returns the scenario of the options."""
     scenario = scenario_of(options)
     scenario.scene = chosen_scene(options, scenario.scene)
     if options.seed is not None:
@@ -214,7 +214,7 @@ def chosen_scenario(options: Namespace) -> Scenario:
 
 
 def _perceive_with_robot(options: Namespace) -> int:
-    """Looks with the robot that the options name."""
+    """Perceives goal and obstacles with the cameras of a robot."""
     cli.quiet_libraries()
     scenario = chosen_scenario(options)
     check_robot_takes(scenario, "station")
@@ -258,7 +258,7 @@ def _perceive_with_robot(options: Namespace) -> int:
 
 
 def _perceive_own(options: Namespace) -> int:
-    """Looks at the user's own photo, depth image or cloud."""
+    """Processes the user's own photo, depth image or cloud."""
     if options.scenario is not None or options.set:
         raise InputError("--scenario, --set: are not for your own data; leave them out")
     if options.scale is not None and not options.scale > 0:
@@ -301,7 +301,7 @@ def _look_at_marker(study: PerceptionEvaluation, options: Namespace) -> list[Goa
 
 
 def make_report(clouds: dict[str, CloudStudy], samples: list[GoalSample]) -> dict:
-    """Makes what `report.json` holds."""
+    """Returns the content of `report.json`."""
     report: dict = {}
     for name, study in clouds.items():
         report[name] = dataclasses.asdict(study.report) | {"milliseconds": study.milliseconds}
@@ -318,7 +318,7 @@ def make_report(clouds: dict[str, CloudStudy], samples: list[GoalSample]) -> dic
 
 
 def _statistics(samples: list[GoalSample]) -> dict:
-    """Errors of those that were found; all null when none was."""
+    """Returns statistics of the errors of found goals, null if none was found."""
     found = [sample for sample in samples if sample.found]
 
     def spread(values: list[float]) -> dict[str, float | None]:
@@ -339,7 +339,7 @@ def _statistics(samples: list[GoalSample]) -> dict:
 
 
 def summary(report: dict) -> str:
-    """A few lines for the terminal."""
+    """Returns a summary for the terminal."""
     lines = []
     for name in ("depth", "stereo"):
         cloud = report[name]

@@ -63,8 +63,8 @@ def make_parser() -> ArgumentParser:
 
 
 def load(paths: Sequence[Path], *, from_arm: bool) -> "list[Frames]":
-    """Loads what is to be played back."""
-    # Imported here, while the server starts: this is most of the time until something is seen.
+    """Loads runs, demonstrations and primitives to play back."""
+    # Imported while the server starts: most of the startup time.
     from pepper_drake.playback.bodies import replay_frames
     from pepper_drake.playback.loading import load_motion
 
@@ -72,7 +72,7 @@ def load(paths: Sequence[Path], *, from_arm: bool) -> "list[Frames]":
 
 
 def show_in_window(options: Namespace) -> "tuple[list[Frames], str]":
-    """Draws the runs into the server's window; returns them and the browser's address."""
+    """Draws the runs in the server's window; returns them and its web address."""
     started: Popen[bytes] | None = None
     if not server.is_listening(options.zmq_url):
         started = server.start_server(options.zmq_url, options.host)
@@ -94,7 +94,7 @@ def show_in_window(options: Namespace) -> "tuple[list[Frames], str]":
 
 
 def write_files(options: Namespace) -> "list[Frames]":
-    """Writes the page, the film, or both."""
+    """Writes the page, the video, or both."""
     runs = load(options.runs, from_arm=options.from_arm)
     folder: Path = options.output
     if options.html is not None:

@@ -20,7 +20,7 @@ from pepper_drake.signals import run_async
 async def check(
     access: RobotAccess, arm: str, options: PreflightOptions, *, measure: bool = False
 ) -> list[Check]:
-    """Connects, checks, measures if it is asked for and nothing forbids it, and leaves."""
+    """Runs the preflight checks, and on request measures the motion if none failed."""
     transport = make_transport(access)
     await transport.connect()
     try:

@@ -88,7 +88,7 @@ RESULTS = (
     "timeline.png",
     "scene.png",
 )
-"""The files that a run leaves."""
+"""Output files of a run."""
 
 SIMULATED_ONLY: dict[str, object] = {
     "goal_motion": None,
@@ -98,11 +98,11 @@ SIMULATED_ONLY: dict[str, object] = {
     "unvetted": False,
     "live": False,
 }
-"""Options that a robot does not take, and their defaults."""
+"""Options for the simulation only, and their defaults."""
 
 
 def coupling_name(text: str) -> str:
-    """Reads the name of a coupling from the command line."""
+    """Parses the name of a coupling."""
     if text not in COUPLINGS and not names_code(text):
         known = ", ".join(COUPLINGS)
         raise ArgumentTypeError(f"'{text}' is not a coupling; use one of {known}, or FILE.py:NAME")
@@ -207,7 +207,7 @@ def make_parser() -> ArgumentParser:
 
 
 def chosen_scenario(options: Namespace) -> Scenario:
-    """The scenario that the options name, with what they change of it."""
+    """Returns the scenario of the options."""
     scenario = scenario_of(options)
     scene = chosen_scene(options, scenario.scene)
     scenario.scene = prepare_scene(scene, arm=options.arm, motion=options.goal_motion)
@@ -267,7 +267,7 @@ def main() -> int:
 
 
 def compare_methods(options: Namespace) -> int:
-    """Reaches by several methods, the goal at rest and displaced, and draws them in one picture."""
+    """Reaches by several methods with a still and a moving goal, and plots them together."""
     runs: dict[str, dict[str, MethodRun]] = {"still": {}, "goal_up": {}}
     folder, methods, motions = options.output, options.method, {"still": None, "goal_up": "up"}
     for which, motion in motions.items():
@@ -276,7 +276,7 @@ def compare_methods(options: Namespace) -> int:
             options.output = folder / f"{method}_{which}"
             if not options.quiet:
                 print(f"{method}, {'the goal moves up' if motion else 'the goal stays'}:")
-            # A process for each gives its memory back: a diagram with cameras takes a gigabyte.
+            # Each in its own process: a diagram with cameras takes a gigabyte of memory.
             process = multiprocessing.get_context("fork").Process(target=_exit, args=(options,))
             process.start()
             process.join()
@@ -292,7 +292,7 @@ def compare_methods(options: Namespace) -> int:
 
 
 def _exit(options: Namespace) -> None:
-    """Reaches once and exits with its code."""
+    """Reaches once and exits with the exit code."""
     sys.exit(reach(options))
 
 
@@ -332,9 +332,9 @@ def reach(options: Namespace) -> int:
 
 
 def reach_with_hardware(options: Namespace) -> int:
-    """Reaches with the robot that the options name."""
+    """Reaches once with a robot, and writes the results."""
     scenario = chosen_scenario(options)
-    calibration, scenario.calibration = scenario.calibration, ""  # That is of a simulated robot.
+    calibration, scenario.calibration = scenario.calibration, ""  # Only for a simulated robot.
     primitive, config = movement_and_config(scenario)
     if calibration:
         config.station.calibration = load_calibration(Path(calibration))
@@ -357,7 +357,7 @@ def reach_with_hardware(options: Namespace) -> int:
 
 
 def save(result: ReachResult, run: ReachSimulation, scenario: Scenario, folder: Path) -> None:
-    """Writes all results, and removes what was kept of the run until now."""
+    """Writes all results, and removes the intermediate ones."""
     with whole_results(folder, RESULTS) as inside:
         save_result(result, inside)
         save_scenario(scenario, inside / "scenario.yaml")

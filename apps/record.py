@@ -69,14 +69,14 @@ from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.drake_page import open_meshcat
 
 MAX_FINAL_DISTANCE = 0.02
-"""Farther from where the script has it [m] than this at the end, the hand did not follow."""
+"""Largest final distance of a hand that followed the script [m]."""
 SHIPPED = {
     "guided": GUIDES,
     "joints": JOINT_SCRIPTS,
     "gamepad": PAD_SCRIPTS,
     "marker": MARKER_SCRIPTS,
 }
-"""The names of the scripts that ship, by the way to teach; the first is the default."""
+"""Shipped scripts by teaching method; the first is the default."""
 
 WAYS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
     "guided": (load_guide, record_guided),
@@ -84,14 +84,14 @@ WAYS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
     "gamepad": (load_pad_script, record_pad),
     "marker": (load_marker_script, record_marker),
 }
-"""The reader of a script and the recorder of the movement that it gives, by the way to teach."""
+"""Loader of a script and recorder of its movement, by teaching method."""
 SIMULATED_ONLY: dict[str, object] = {
     "way": "guided",
     "guide": None,
     "live": False,
     "recover": None,
 }
-"""Options that a robot does not take, and their defaults."""
+"""Options for the simulation only, and their defaults."""
 
 
 def main() -> int:
@@ -134,7 +134,7 @@ def main() -> int:
 
 
 def record_on_robot(arguments: argparse.Namespace) -> int:
-    """Records what a person shows a robot, leading its limp arm."""
+    """Records a person who leads the limp arm of a robot."""
     quiet_libraries()
     access = robot_access(arguments)
     arm = arguments.arm or "right"
@@ -170,7 +170,7 @@ def record_on_robot(arguments: argparse.Namespace) -> int:
 
 
 def keep(folder: Path, *, quiet: bool) -> int:
-    """Makes an interrupted recording a demonstration."""
+    """Recovers a demonstration from an interrupted recording."""
     demonstration = recover(folder)
     if not quiet:
         print(f"recovered: {summary(demonstration)} in {folder}")
@@ -178,7 +178,7 @@ def keep(folder: Path, *, quiet: bool) -> int:
 
 
 def record(arguments: argparse.Namespace) -> int:
-    """Records a script and reports how it went."""
+    """Records a script and reports the outcome."""
     quiet_libraries()
     start = time.perf_counter()
     with open_meshcat(page=arguments.live, host=arguments.host) as (meshcat, shown):
@@ -227,7 +227,7 @@ def record(arguments: argparse.Namespace) -> int:
 def perform(
     arguments: argparse.Namespace, options: RecordOptions
 ) -> tuple[str, Recording, dict[str, float]]:
-    """Loads the way's script and records it; returns the arm and what a camera saw, as well."""
+    """Records the script of a teaching method; returns arm, recording and tracking statistics."""
     load, record_by = WAYS[arguments.way]
     script = load(arguments.guide or SHIPPED[arguments.way][0])
     if arguments.arm not in (None, script.arm):
@@ -243,7 +243,7 @@ def perform(
 
 
 def summary(demonstration: Demonstration) -> str:
-    """Summary of a recording, in a few words."""
+    """Returns a short summary of a recording."""
     return (
         f"{len(demonstration.times)} samples, {demonstration.duration:.2f} s, "
         f"{demonstration.path_length:.2f} m"

@@ -64,10 +64,10 @@ from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.drake_page import open_meshcat
 
 RESULTS = ("report.json", "log.npz", "recording.html", "corrected.yaml", "scenario.yaml")
-"""The files that a run leaves, besides the demonstration in corrected/."""
+"""Output files of a run, besides the demonstration in corrected/."""
 
 REACHED = 0.01
-"""A hand nearer to its goal than this [m] has reached it."""
+"""Largest distance of the hand from a reached goal [m]."""
 
 
 SIMULATED_ONLY: dict[str, object] = {
@@ -77,7 +77,7 @@ SIMULATED_ONLY: dict[str, object] = {
     "stiffness": None,
     "live": False,
 }
-"""Options that a robot does not take, and their defaults."""
+"""Options for the simulation only, and their defaults."""
 
 
 def main() -> int:
@@ -110,7 +110,7 @@ def main() -> int:
 
     with open_meshcat(page=arguments.live, host=arguments.host) as (meshcat, shown):
         if shown is not None:
-            wait_for_browser(shown)  # Which any interrupt ends.
+            wait_for_browser(shown)  # Any interrupt ends it.
         with stop_on_interrupt() as should_stop:
             result = reproduce(
                 primitive,
@@ -146,7 +146,7 @@ def main() -> int:
 
 
 def chosen_scenario(arguments: argparse.Namespace) -> Scenario:
-    """Returns how the movement is learned and performed."""
+    """Returns the scenario of the options."""
     scenario = replace(scenario_of(arguments), seed=arguments.seed)
     if arguments.stiffness is not None:
         scenario.compliance.stiffness = arguments.stiffness
@@ -157,7 +157,7 @@ def chosen_scenario(arguments: argparse.Namespace) -> Scenario:
 def perform_on_robot(
     arguments: argparse.Namespace, primitive: MovementPrimitive, arm: str, scenario: Scenario
 ) -> int:
-    """Performs the movement with the robot that the options name."""
+    """Performs the movement with a robot, and writes the results."""
     goal = None if arguments.goal is None else np.array(arguments.goal)
     start = time.perf_counter()
     params = ReproductionParams(tracking=scenario.compliance.tracking, ik=scenario.controller)
@@ -187,7 +187,7 @@ def tell(
     *,
     interrupted: bool,
 ) -> int:
-    """Says what came of it, and returns the exit code."""
+    """Prints the outcome, and returns the exit code."""
     if arguments.score is not None and not interrupted:
         add_score(arguments.scores, arguments.score)
     if not arguments.quiet:
@@ -279,7 +279,7 @@ def parse() -> argparse.Namespace:
 
 
 def load(arguments: argparse.Namespace, learning: LearningParams) -> tuple[MovementPrimitive, str]:
-    """The primitive and the arm that performs it."""
+    """Returns the primitive and the arm that performs it."""
     if arguments.primitive is None:
         return make_primitive(arguments.demo, arguments.arm, learning), arguments.arm
     if is_joint_primitive(arguments.primitive):
@@ -301,7 +301,7 @@ def make_report(
     *,
     interrupted: bool,
 ) -> dict[str, object]:
-    """Returns the outcome in numbers."""
+    """Returns the content of `report.json`."""
     reason, message = "", ""
     if interrupted:
         reason, message = "interrupted", "the run was ended before it was over"
@@ -328,12 +328,12 @@ def make_report(
 
 
 def save_report(report: dict[str, object], folder: Path) -> None:
-    """Writes the numbers."""
+    """Writes `report.json`."""
     (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
 
 
 def save_log(result: ReproductionResult, path: Path) -> None:
-    """Writes the motion as named arrays with units."""
+    """Writes the motion as arrays, with the units in their names."""
     motion = result.motion
     np.savez_compressed(
         path,

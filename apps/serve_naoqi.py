@@ -83,14 +83,14 @@ def make_parser() -> ArgumentParser:
 
 
 def port(text: str) -> int:
-    """Reads a port from the command line; 0 takes a free one."""
+    """Parses a port; 0 stands for a free one."""
     if not text.isdecimal() or int(text) > 65535:
         raise ArgumentTypeError(f'"{text}" is not a port; give a number from 0 to 65535')
     return int(text)
 
 
 def rate(text: str) -> float:
-    """Reads the rate of the robot's clock."""
+    """Parses the rate of the robot's clock."""
     try:
         value = float(text)
     except ValueError:
@@ -115,7 +115,7 @@ def read_credentials(path: Path | None) -> Credentials | None:
 
 
 def chosen_scenario(options: Namespace) -> Scenario:
-    """Returns where the robot stands, and how it is simulated."""
+    """Returns the scenario of the options."""
     served = Scenario()
     served.station.camera_latency = LATENCY * served.station.camera_period
     scenario = scenario_of(options, served)
@@ -124,7 +124,7 @@ def chosen_scenario(options: Namespace) -> Scenario:
         scenario.seed = options.seed
     if not scenario.station.cameras:
         raise InputError("station.cameras is false; a served robot has its cameras")
-    scenario.station.obstacle_motion_ports = False  # Nobody is there to move them.
+    scenario.station.obstacle_motion_ports = False  # Nothing moves the obstacles.
     return scenario
 
 
@@ -152,7 +152,7 @@ async def serve(
     person = None
     if shown is not None:
         person = asyncio.create_task(show_when_limp(shown, robot, pepper.motion, say))
-        person.add_done_callback(lambda _: stop.set())  # It ends only by what went wrong.
+        person.add_done_callback(lambda _: stop.set())  # It ends only by an error.
     try:
         await keep_serving(pepper, robot, stop, say)
         if person is not None and person.done():
@@ -182,7 +182,7 @@ def main() -> int:
             services, host=options.host, port=port, credentials=credentials, tls=tls, log=say
         )
 
-    make_server([], port=0)  # A door that must not be opened is refused before the robot starts.
+    make_server([], port=0)  # Refuses a disallowed host before the robot starts.
     scenario = chosen_scenario(options)
     save_scenario(scenario, options.output / "scenario.yaml")
     config = SimulatorConfig(

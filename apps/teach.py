@@ -68,7 +68,7 @@ from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.viser_page import ViserPage
 
 TEACHING_SCENE = SCENES_DIR / "teach.yaml"
-"""A goal on a stand within reach, and a ball that can be moved into the way."""
+"""A goal on a stand within reach, and a ball that can be moved into the path."""
 
 
 SIMULATED_ONLY: dict[str, object] = {
@@ -86,11 +86,11 @@ SIMULATED_ONLY: dict[str, object] = {
     "seconds": None,
     "host": None,
 }
-"""Options that a robot does not take, and their defaults."""
+"""Options for the simulation only, and their defaults."""
 
 
 def positive(text: str) -> float:
-    """Reads a positive number from the command line."""
+    """Parses a positive number."""
     try:
         number = float(text)
     except ValueError:
@@ -149,19 +149,19 @@ def make_parser() -> ArgumentParser:
 
 
 def open_folder(options: Namespace) -> tuple[SessionFolder, SessionFolder | None]:
-    """Opens the session's folder, and the lesson that it begins with, if any.
+    """Opens the session's folder, and its lesson, if any.
 
-    Options that a stored session or a lesson answers are filled in.
+    Options that are not given are filled in from the stored session or the lesson.
 
     Raises:
-        InputError: The folder holds a session of something else, or something cannot be read.
+        InputError: The stored session has other options, or a file cannot be read.
     """
     folder = SessionFolder(options.output)
     if options.script is not None or options.new:
         kept = folder.begin_anew()
         if kept is not None and not options.quiet:
             print(f"The earlier session is kept in {kept}.")
-    goes_on = folder.exists()
+    resumes = folder.exists()
     name = options.lesson or folder.record.lesson
     lesson = find_lesson(name) if name else None
     if lesson is not None and options.no_cameras and set(lesson.record.offsets) - {"goal"}:
@@ -169,14 +169,14 @@ def open_folder(options: Namespace) -> tuple[SessionFolder, SessionFolder | None
             f"--no-cameras: in the lesson {name} Pepper has to see what stands in its way;"
             " leave --no-cameras out, or the lesson"
         )
-    start = folder.record if goes_on else lesson.record if lesson is not None else SessionRecord()
+    start = folder.record if resumes else lesson.record if lesson is not None else SessionRecord()
     wanted = SessionRecord(
         lesson=options.lesson or "",
         scene=str(options.scene or ""),
         arm=options.arm or "",
         move=[name for name in options.move.split(",") if name],
     )
-    for key in ("lesson", "scene", "arm", "move") if goes_on else ():
+    for key in ("lesson", "scene", "arm", "move") if resumes else ():
         asked, stored = getattr(wanted, key), getattr(start, key)
         if asked and asked != stored:
             raise InputError(
@@ -192,7 +192,7 @@ def open_folder(options: Namespace) -> tuple[SessionFolder, SessionFolder | None
 
 
 def make_session(options: Namespace) -> LiveSession:
-    """Makes the session that the options ask for, or goes on with the one in the folder."""
+    """Makes the session of the options, or resumes the one in the folder."""
     folder, lesson = open_folder(options)
     scene = load_scene(folder.record.scene or TEACHING_SCENE)
     if folder.record.arm not in ("", scene.arm):
@@ -228,7 +228,7 @@ def make_session(options: Namespace) -> LiveSession:
 
 
 def run_script(show: LiveApp, script: LiveScript, options: Namespace) -> str:
-    """Plays a script and returns what went wrong, if anything."""
+    """Plays a script and returns the error message, if any."""
     with tqdm(
         desc="acting",
         total=len(script.steps),
@@ -252,7 +252,7 @@ def run_script(show: LiveApp, script: LiveScript, options: Namespace) -> str:
 
 
 def run_live(show: LiveApp, seconds: float | None) -> None:
-    """Lets a person do what they like, until Ctrl-C or for some time."""
+    """Runs the session interactively, until Ctrl-C or for a given time."""
     session = show.session
     with contextlib.suppress(KeyboardInterrupt):
         while seconds is None or session.simulation.time < seconds:
@@ -280,7 +280,7 @@ def main() -> int:
 
 
 def teach_on_robot(options: Namespace) -> int:
-    """Adds a demonstration that a person shows a robot to the session, and learns them all."""
+    """Records a demonstration on a robot for the session, and learns all of them."""
     cli.quiet_libraries()
     access = robot_access(options)
     folder, _ = open_folder(options)
@@ -323,7 +323,7 @@ def teach_on_robot(options: Namespace) -> int:
 
 
 def teach(options: Namespace, script: LiveScript | None, page: ViserPage | None) -> int:
-    """Runs the session, on its page if there is one."""
+    """Runs the session, with a page if there is one."""
     session = make_session(options)
     simulation = session.simulation
     if script is not None and script.arm != simulation.arm:

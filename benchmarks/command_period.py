@@ -1,10 +1,10 @@
-"""The period in which a robot is sent commands, beside that of a bare timer in the same run.
+"""Period and jitter of the commands to a robot, compared with a bare timer.
 
     python benchmarks/command_period.py --seconds 60
 
-A kinematic robot is served by a process of its own; the link of a station sends it a command each
-20 ms. It prints median and 99th percentile of |period - 20 ms| of both, by when commands arrive.
-Exit code 0: the median is 20.0 ms and the jitter at most 2 ms above the timer's; 1: it is not.
+A kinematic robot is served by its own process; a station's link sends it a command every 20 ms.
+Prints the median period and the 99th percentile of |period - 20 ms|, at the receiver, of both.
+Exit code 0: the median is 20.0 ms and the jitter at most 2 ms above the timer's; 1: otherwise.
 """
 
 import argparse
@@ -30,28 +30,28 @@ from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.naoqi.constants import CYCLE
 
 MARGIN = 0.002
-"""Jitter above the timer's that is allowed [s]."""
+"""Allowed jitter above the timer's [s]."""
 
 
 def serve(pipe: Connection) -> None:
-    """Serves a robot that keeps when each command came."""
+    """Serves a robot that records the arrival time of each command."""
     with served() as robot:
         robot.do(lambda: stand(robot))
         motion, arrivals = robot.pepper.motion, []
         set_targets = motion.joints.set_targets
 
-        def noted(*arguments: Any, **options: Any) -> Any:
+        def record_arrival(*arguments: Any, **options: Any) -> Any:
             arrivals.append(time.monotonic())
             return set_targets(*arguments, **options)
 
-        motion.joints.set_targets = noted
+        motion.joints.set_targets = record_arrival
         pipe.send(robot.address)
         pipe.recv()
         pipe.send(arrivals)
 
 
-def beat(seconds: float, pipe: Connection) -> None:
-    """Wakes each 20 ms and keeps when."""
+def run_timer(seconds: float, pipe: Connection) -> None:
+    """Wakes every 20 ms and records the times."""
     times, due = [], time.monotonic()
     end = due + seconds
     while due < end:
@@ -68,21 +68,21 @@ def periods(times: list[float]) -> tuple[float, float]:
 
 
 def main() -> int:
-    """Measures."""
+    """Runs the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--link", choices=LINKS, default="wire")
     options = parser.parse_args()
     context = multiprocessing.get_context("spawn")
-    robot, its = context.Pipe()
-    timer, own = context.Pipe()
-    context.Process(target=serve, args=(its,), daemon=True).start()
+    robot, server_end = context.Pipe()
+    timer, timer_end = context.Pipe()
+    context.Process(target=serve, args=(server_end,), daemon=True).start()
     address = robot.recv()
     config, checks = LinkConfig("right", late_cycles=10**6), PreflightOptions(disable_life=True)
     with LinkProcess(RobotAccess(address, link=options.link), config, checks) as link:
         link.wait_until_ready()
         here = np.array(link.state()["positions"])
-        context.Process(target=beat, args=(options.seconds, own), daemon=True).start()
+        context.Process(target=run_timer, args=(options.seconds, timer_end), daemon=True).start()
         begin = time.monotonic()
         row = BODY_JOINTS.index("RElbowYaw")
         while (now := time.monotonic() - begin) < options.seconds:

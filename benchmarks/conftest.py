@@ -10,7 +10,7 @@ from pepper_drake.learning.demonstrations.alignment import align
 from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
 
 MEDIANS: dict[str, float] = {}
-"""Median seconds by what was measured in this run."""
+"""Medians of this run by name [s]."""
 
 FIGURES = [
     ("fit, of movement_primitives' time", "fit", "fit/movement_primitives", 0.5),
@@ -21,7 +21,7 @@ FIGURES = [
     ("among 4000 points, of 16 times that among 250", "among 4000", "among 250", 16.0),
     ("100 rollouts among 1000 points, of one", "batch among 1000", "among 1000", 50.0),
 ]
-"""Name, numerator, denominator (none: seconds), and the figure not to exceed."""
+"""Name, numerator, denominator (empty: seconds), and largest ratio."""
 
 
 @pytest.fixture(scope="session")
@@ -57,10 +57,10 @@ def make_cloud(demonstration) -> Callable[[int], np.ndarray]:
 
 @pytest.fixture
 def measure(benchmark) -> Callable[..., object]:
-    """Times `function` as `name` and keeps the median for the ratios."""
+    """Times `function` as `name` and stores the median for the ratios."""
 
     def run(name: str, function: Callable[[], object], **pedantic: int) -> object:
-        function()  # What is cached for all later calls is made now.
+        function()  # Fills the caches.
         result = benchmark.pedantic(function, **pedantic) if pedantic else benchmark(function)
         if benchmark.stats is not None:
             MEDIANS[name] = benchmark.stats.stats.median
@@ -70,7 +70,7 @@ def measure(benchmark) -> Callable[..., object]:
 
 
 def pytest_terminal_summary(terminalreporter) -> None:
-    """Prints the ratios of this run beside the figures that they are to reach."""
+    """Prints the ratios of this run and their limits."""
     lines = []
     for what, numerator, denominator, figure in FIGURES:
         if numerator not in MEDIANS:

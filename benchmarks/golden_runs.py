@@ -1,11 +1,11 @@
-"""Runs a fixed set of reaches and holds their outcomes against those of an earlier commit.
+"""Runs a fixed set of reaches and compares their outcomes with those of an earlier commit.
 
     python benchmarks/golden_runs.py --write benchmarks/golden_runs.json
     python benchmarks/golden_runs.py --compare benchmarks/golden_runs.json
 
 Five shipped scenes, 20 random and 20 moving ones: outcome, reason, least clearance, final error,
-and a hash of all joint commands. A refactoring leaves all of them as they are; a change of
-behaviour names each difference. The hash depends on the processor, so it is compared last.
+and a hash of all joint commands. A refactoring changes none of them; each difference is printed.
+The hash depends on the processor: a difference of it alone does not fail the comparison.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from pepper_drake.scenario import build_reaching
 SCENES = ("table", "shelf", "clutter", "free", "teach")
 SEEDS = range(20)
 TOLERANCE = 1e-3
-"""Clearances and errors may differ by this before they count as changed [m]."""
+"""Tolerance of clearances and errors [m]."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class GoldenRun:
 
 
 def cases() -> dict[str, Case]:
-    """All cases by name."""
+    """Returns all cases by name."""
     chosen = [Case(0, scene=scene) for scene in SCENES]
     chosen += [Case(seed) for seed in SEEDS] + [Case(seed, moving=True) for seed in SEEDS]
     return {case.name: case for case in chosen}

@@ -1,4 +1,4 @@
-"""Speed of the loop: one control tick, each answer of the planner, and the whole diagram.
+"""Speed of the loop: one control tick, the calls of the planner, and the whole diagram.
 
     python benchmarks/loop_speed.py tick
     python benchmarks/loop_speed.py planner --scenes 8
@@ -9,11 +9,10 @@
 With --save the figures replace those in benchmarks/speed.json, from which
 `scripts/publish_speed.py` writes the tables of docs/performance.md.
 
-All are times of a processor, which other programs on the machine change little. The diagram's is
-given as a share of the speed of the physics alone: the same plant with its contacts, its motors'
-gains and the gravity compensation, and nothing else. They take turns in one process, so that the
-ratio holds on other machines too. Rendering runs in processes of its own, and only its wall time
-shows in the column for it.
+Times are processor time, which other programs on the machine change little. The diagram's speed is
+relative to the physics alone: the same plant with its contacts, motor gains and gravity
+compensation. The runs alternate in one process, so the ratio holds on other machines too.
+Rendering runs in its own processes: only its wall time counts.
 """
 
 import argparse
@@ -43,7 +42,7 @@ FIRST_SEED = 2000
 
 
 def make_reaching(case: Case, *, cameras: bool) -> Reaching:
-    """The whole loop in a scene."""
+    """Returns the reaching diagram of a case."""
     scenario = case.scenario()
     scenario.station.cameras = cameras
     scenario.station.obstacle_motion_ports &= cameras
@@ -51,7 +50,7 @@ def make_reaching(case: Case, *, cameras: bool) -> Reaching:
 
 
 def time_ticks(count: int = 2000) -> dict[str, Any]:
-    """Prints and returns the times of control ticks among 2,000 points."""
+    """Prints and returns the durations of control ticks among 2,000 points."""
     simulator = make_controller()
     simulator.AdvanceTo(0.2)
     spent = []
@@ -63,7 +62,7 @@ def time_ticks(count: int = 2000) -> dict[str, Any]:
 
 
 def time_planner(scenes: int) -> dict[str, Any]:
-    """Prints and returns the times of the planner's answers in moving scenes, cameras on."""
+    """Prints and returns the durations of planner calls in moving scenes, cameras on."""
     spent: dict[str, list[float]] = {}
     for seed in range(FIRST_SEED, FIRST_SEED + scenes):
         reaching = make_reaching(Case(seed, moving=True), cameras=True)
@@ -76,7 +75,7 @@ def time_planner(scenes: int) -> dict[str, Any]:
 
 
 def print_times(name: str, seconds: list[float]) -> dict[str, float]:
-    """Prints and returns median, percentiles and the longest of some times [ms]."""
+    """Prints and returns median, percentiles and maximum of durations [ms]."""
     median, most, nearly_all, longest = 1e3 * np.percentile(seconds, [50, 90, 99, 100])
     print(
         f"{name:22s} {len(seconds):5d} x  median {median:8.2f} ms  90 % {most:8.2f}  "
@@ -92,7 +91,7 @@ def print_times(name: str, seconds: list[float]) -> dict[str, float]:
 
 
 def simulators(case: Case) -> dict[str, Simulator]:
-    """Physics alone, and the whole diagram without and with cameras, ready to run."""
+    """Returns simulators of the physics alone, and of the diagram without and with cameras."""
     loops = {on: make_reaching(case, cameras=on) for on in (False, True)}
     runs = {
         "physics alone": make_physics(case.build(), loops[False].station),
@@ -108,7 +107,7 @@ def simulators(case: Case) -> dict[str, Simulator]:
 
 
 def time_diagram(case: Case, until: float) -> dict[str, Any]:
-    """Prints and returns how fast the diagrams run, by turns of half a simulated second."""
+    """Prints and returns the diagrams' speeds; they alternate every 0.5 s of simulated time."""
     runs = simulators(case)
     spent = {name: np.zeros(2) for name in runs}
     for end in np.arange(0.5, until + 0.25, 0.5):
@@ -133,7 +132,7 @@ def time_diagram(case: Case, until: float) -> dict[str, Any]:
 
 
 def profile_diagram(case: Case, until: float, cameras: bool) -> None:
-    """Prints where the time of the whole diagram goes."""
+    """Prints a profile of the whole diagram."""
     run = simulators(case)["with cameras" if cameras else "without cameras"]
     profiler = cProfile.Profile(time.process_time)
     profiler.runcall(run.AdvanceTo, until)
@@ -143,7 +142,7 @@ def profile_diagram(case: Case, until: float, cameras: bool) -> None:
 
 
 def main() -> int:
-    """Measures what is asked for."""
+    """Runs the chosen benchmarks."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

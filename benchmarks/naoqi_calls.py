@@ -1,9 +1,9 @@
-"""Duration of a call to our server and to libqi's own, with libqi's client.
+"""Round-trip time of calls to our server and to libqi's, with libqi's client.
 
     python benchmarks/naoqi_calls.py
 
-Needs the extra `naoqi`. Each server runs in a process of its own, and so does the client; the two
-servers take turns, so that what else the machine does falls on both.
+Needs the extra `naoqi`. Both servers and the client run in their own processes; the servers take
+turns, so other load on the machine affects both.
 """
 
 import asyncio
@@ -21,14 +21,14 @@ _SIZES = {"image": (640, 480, 3, 11), "depth": (320, 240, 2, 17)}
 
 
 def reply(name: str) -> list:
-    """Returns a reply of `getImageRemote` (see the maker's documentation)."""
+    """Returns a reply of `getImageRemote` (see the manufacturer's documentation)."""
     width, height, layers, space = _SIZES[name]
     data = np.random.default_rng(0).integers(0, 256, width * height * layers, np.uint8).tobytes()
     return [width, height, layers, space, 0, 0, data, 0, 0.5, -0.4, -0.5, 0.4]
 
 
 def serve_ours() -> None:
-    """Serves the three methods until the input ends."""
+    """Serves the three methods until standard input ends."""
     from pepper_drake.robot_server.wire.server import QiServer
     from pepper_drake.robot_server.wire.service import Service
 
@@ -48,7 +48,7 @@ def serve_ours() -> None:
 
 
 def serve_libqi() -> None:
-    """Serves the same from libqi; its Python has raw bytes only where a signature says so."""
+    """Serves the same from libqi, whose Python returns raw bytes only by an explicit signature."""
     import qi
 
     qi.logging.setLevel(qi.logging.FATAL)
@@ -79,7 +79,7 @@ def serve_libqi() -> None:
 
 
 def measure(address: str) -> None:
-    """Prints how long each call takes [s], as JSON."""
+    """Prints the duration of each call [s], as JSON."""
     import os
     import time
 

@@ -1,13 +1,13 @@
-"""Quality and cost of searches: the report's run, and the whole arm around tables.
+"""Quality and duration of searches: the report's run, and the whole arm around tables.
 
   optimization_runs.py               20 seeds of each
   optimization_runs.py --seeds 3     a quick look
 
-The report's run: the end state and all weights are free, the hand ends 10 cm off its goal, 7
-updates of 10 samples; the cost is hand to goal at the end. Around tables: the shipped
-demonstration passes through a table's edge with the arm; a search on the arm's kinematics stops at
-the first movement that keeps its distance, and what it found is performed by the robot's own
-inverse kinematics. Times are of the process, on one core: other programs do not count.
+The report's run: end state and all weights are free, the hand ends 10 cm off its goal, 7 updates of
+10 samples; the cost is the final distance from hand to goal. Around tables: the shipped
+demonstration moves the arm through a table's edge; a search with the arm's kinematics stops at the
+first movement that keeps the clearance, and the robot's inverse kinematics performs it. Times are
+processor time on one core, without that of other programs.
 """
 
 import json
@@ -43,11 +43,11 @@ from pepper_drake.planning.reach.movement import Movement
 
 UPDATES, SAMPLES = 7, 10
 TABLES = [(edge, top) for edge in (0.10, 0.13, 0.16) for top in (-0.12, -0.10, -0.08)]
-"""Edges ahead of the torso's frame, and tops below it [m]."""
+"""Edges (x) and tops (z) of tables in the torso frame [m]."""
 
 
 def reports_run(primitive: MovementPrimitive, method: str, seed: int) -> tuple[float, float]:
-    """Returns the last cost [m] of the mean, and the seconds that the search took."""
+    """Returns the final cost [m] of the mean, and the search's processor time [s]."""
     direction = np.random.default_rng(seed).standard_normal(3)
     goal = primitive.goal + 0.1 * direction / np.linalg.norm(direction)
     begin = time.process_time()
@@ -68,7 +68,7 @@ def around_table(
     seed: int,
     simulator: KinematicSimulator,
 ) -> dict[str, Any]:
-    """Searches a way of the whole arm around a table, and performs it."""
+    """Optimizes a movement of the whole arm around a table, and performs it."""
     edge, top = table
     x, y = np.meshgrid(np.arange(edge, 0.6, 0.015), np.arange(-0.7, 0.3, 0.015))
     points = np.column_stack((x.ravel(), y.ravel(), np.full(x.size, top)))

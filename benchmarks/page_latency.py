@@ -1,8 +1,8 @@
-"""Speed of the teaching page: the time from a drag to the motion, and frames per second.
+"""Latency of the teaching page from a drag to the motion, and its frame rate.
 
-A client on this computer speaks to the page as a browser does, through its guard: it drags the hand
-to and fro, and waits each time until the page shows it in motion that way. The time in which a
-browser draws a frame comes on top; it depends on its graphics card.
+A client on this computer connects to the page as a browser does, through its guard: it drags the
+hand to and fro, and each time waits until the page shows that motion. A browser's drawing time,
+which depends on its graphics card, comes on top.
 
     .venv/bin/python benchmarks/page_latency.py [--cameras] [--drags N]
 """
@@ -31,11 +31,11 @@ from pepper_drake.models.scene import SCENES_DIR, load_scene
 from pepper_drake.web.viser_page import ViserPage
 
 STEP = 0.06
-"""The hand is dragged to and fro by this [m]."""
+"""Length of a drag [m]."""
 MOVED = 0.0005
-"""The forearm is in motion once it has moved by this [m]."""
+"""Displacement of the forearm that counts as motion [m]."""
 REST = 1.5
-"""Between two drags [s]."""
+"""Time from one drag to the next [s]."""
 CAMERA = {
     "wxyz": [1.0, 0.0, 0.0, 0.0],
     "position": [1.0, 0.0, 1.0],
@@ -50,7 +50,7 @@ CAMERA = {
 
 
 def messages(value):
-    """Yields the messages in what viser sent."""
+    """Yields the messages in unpacked data of viser."""
     if isinstance(value, dict):
         if "type" in value:
             yield value
@@ -63,13 +63,13 @@ def messages(value):
 
 
 def unpacked(data):
-    """Messages of a server of viser: two lengths, the messages compressed, and large arrays."""
+    """Unpacks data of viser's server: two lengths, compressed messages, and large arrays."""
     length = int.from_bytes(data[8:16], "little")
     return msgpack.unpackb(zstandard.ZstdDecompressor().decompress(data[16 : 16 + length]))
 
 
 class Watcher(threading.Thread):
-    """Reads what the page shows, and notes when a body's position came."""
+    """Reads the page's messages, and records positions of a body with their arrival times."""
 
     def __init__(self, socket: ClientConnection, body: str) -> None:
         super().__init__(daemon=True)
@@ -86,7 +86,7 @@ class Watcher(threading.Thread):
 
 
 def drag(app, watcher, say, offset, home):
-    """Drags the hand by an offset (3,) [m], and returns when it was seen to move [s]."""
+    """Drags the hand by an offset (3,) [m]; returns the latency until it was seen to move [s]."""
     X_WG = app.session.simulation.torso_pose() @ home
     upward = 1.0 if offset[2] > 0.0 else -1.0
     began = time.perf_counter()
@@ -99,19 +99,19 @@ def drag(app, watcher, say, offset, home):
     )
     while time.perf_counter() < began + REST:
         app.step()
-    # The motion before may not be over yet: it turns round first.
-    turned, seen = np.inf, None
+    # The previous motion may not be over: the new one starts at its turning point.
+    lowest, seen = np.inf, None
     for moment, position in list(watcher.positions):
         if moment > began and seen is None:
             along = upward * position[2]
-            turned = min(turned, along)
-            if along > turned + MOVED:
+            lowest = min(lowest, along)
+            if along > lowest + MOVED:
                 seen = moment - began
     return seen
 
 
 def quantiles(values):
-    """The median and what 90 % do not exceed; None where nothing was seen."""
+    """Returns median and 90th percentile; None without values."""
     if not values:
         return None
     median, most = np.quantile(values, (0.5, 0.9))

@@ -1,4 +1,4 @@
-"""The same work done by other libraries, as their documentation says to do it."""
+"""The same tasks with other libraries, as their documentation recommends."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ class MovementPrimitivesPeer:
         self._dmp = self.fit()
 
     def fit(self):
-        """Returns a DMP that imitates the demonstration, its velocities at both ends included."""
+        """Returns a DMP that imitates the demonstration, including its velocities at both ends."""
         demo = self._demonstration
         dmp = self._dmp_module.DMP(3, execution_time=demo.duration, dt=0.01, n_weights_per_dim=40)
         dmp.imitate(demo.times, demo.positions, allow_final_velocity=True)

@@ -1,4 +1,4 @@
-"""Durations of learning and rollouts, beside other libraries: `make speed`."""
+"""Durations of learning and rollouts, compared with other libraries: `make speed`."""
 
 import numpy as np
 import pytest

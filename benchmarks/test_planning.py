@@ -1,4 +1,4 @@
-"""Planning time before the arm moves: a reach simulated, and one adapted."""
+"""Durations of base placement, planning and replanning."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from pepper_drake.planning.reach.reach_task import ReachTask
 
 GOAL = RigidTransform([0.98, -0.11, 0.74])
 SHIFT = np.array([0.03, 0.0, 0.0])
-"""From where the barrier alone leads the hand around the table's edge to where it does not."""
+"""Base displacement with which the barrier alone no longer leads the hand around the edge."""
 
 
 @pytest.fixture(scope="module")

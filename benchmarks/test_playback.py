@@ -1,4 +1,4 @@
-"""From the command to the picture: whole processes that open a run of 10 s, imports included."""
+"""Startup time of play.py with a run of 10 s, as a process with its imports."""
 
 import socket
 import subprocess
@@ -27,7 +27,7 @@ def address():
 
 @pytest.mark.parametrize("window", ["closed", "open"])
 def test_a_run_is_opened(benchmark, run, address, window):
-    """With the window's server to be started first, or into a window that is there."""
+    """Starts the window's server first, or draws into an open window."""
     command = [*PLAY, run, "--quiet", "--zmq-url", address]
     stop = [*PLAY, "--stop", "--zmq-url", address]
 
@@ -49,7 +49,7 @@ def test_a_run_is_opened(benchmark, run, address, window):
 
 
 def test_the_imports_alone(benchmark):
-    """Imports that every program needs that shows Drake's shapes in meshcat."""
+    """Imports of any program that shows Drake's shapes in meshcat."""
     program = "import meshcat, numpy, pydrake.multibody.parsing"
     command = [sys.executable, "-c", program]
     benchmark.pedantic(subprocess.run, args=(command,), kwargs={"check": True}, rounds=5)

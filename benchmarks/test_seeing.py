@@ -1,4 +1,4 @@
-"""Cost of an image: depth to the obstacle map, marker in a whole image and when tracked."""
+"""Processing time of an image: depth to the map, marker in a whole image and when tracked."""
 
 import cv2
 import numpy as np
@@ -31,7 +31,7 @@ def study() -> PerceptionEvaluation:
 
 
 def test_depth_image_into_the_map(benchmark, study):
-    """320x240 to the filtered cloud in the map, its own body and the goal cut out."""
+    """320x240 to the filtered cloud in the map, without the robot's body and the goal."""
     rig, name, camera = study.rig, CAMERA_DEPTH.name, CAMERA_DEPTH.intrinsics
     model = shared_control_model()
     robot = RobotSolids(model.plant, model.diagram.scene_graph())
@@ -64,7 +64,7 @@ def test_depth_image_into_the_map(benchmark, study):
 
 @pytest.mark.parametrize("tracked", [False, True], ids=["whole image", "tracked"])
 def test_marker_in_an_image(benchmark, study, tracked):
-    """640x480 with noise and lens; the marker 0.9 m away."""
+    """640x480 with noise and lens distortion; the marker 0.9 m away."""
     camera = CAMERA_TOP.intrinsics
     image = apply_color_noise(
         study.rig.color(CAMERA_TOP.name), camera, ColorNoise(), seed=0, frame=0

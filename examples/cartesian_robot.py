@@ -1,7 +1,7 @@
 """A learned movement around an obstacle on a robot that is not Pepper: three axes and a tool.
 
-The robot is built here, of Drake's parts; the movement, its phase and what bends it are systems of
-pepper_drake. Any robot whose tool or joints follow a position takes their place.
+The robot is built here with Drake; the movement, its phase and its obstacle coupling are systems of
+pepper_drake. They work with any robot whose tool or joints follow position commands.
 
     python examples/cartesian_robot.py
 """
@@ -33,14 +33,14 @@ TIME_STEP = 0.01  # [s]
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of the movement: error at its end, and least distance of tool and ball [m]."""
+    """Outcome of the movement: final error, and least distance of tool and ball [m]."""
 
     goal_error: float
     gap: float
 
 
 def add_robot(plant: MultibodyPlant) -> None:
-    """Adds a gantry with axes x, y, z; each follows the position that it is told."""
+    """Adds a gantry with axes x, y, z; each follows its position command."""
     plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])  # Balanced.
     robot, parent = plant.AddModelInstance("robot"), plant.world_body()
     for name, axis in zip("xyz", np.eye(3), strict=True):
@@ -83,7 +83,7 @@ def perform(*, avoid: bool, duration: float = 4.0) -> Outcome:
         outputs |= {
             p.get_name(): p for p in map(system.get_output_port, range(system.num_output_ports()))
         }
-    for system in (phase, motion, coupling):  # Ports that belong together have the same name.
+    for system in (phase, motion, coupling):  # Connects ports of the same name.
         for port in map(system.get_input_port, range(system.num_input_ports())):
             if port.get_name() in outputs:
                 builder.Connect(outputs[port.get_name()], port)

@@ -1,4 +1,4 @@
-"""The command `pepper-drake NAME ...`: every script of `apps/`, from wherever it is called.
+"""The command `pepper-drake NAME ...`: runs a script of `apps/` from any folder.
 
     pepper-drake reach --scene shelf
     pepper-drake --help
@@ -26,7 +26,7 @@ def app_files() -> dict[str, Path]:
     """Paths of the apps by their names.
 
     Raises:
-        InputError: The package was not installed, so that the apps are not a part of it.
+        InputError: The package was not installed, so it lacks the apps.
     """
     spec = importlib.util.find_spec("pepper_drake.apps")
     if spec is None or not spec.submodule_search_locations:
@@ -60,7 +60,7 @@ def print_completion(files: dict[str, Path], shell: str) -> int:
     """Prints the completion script of a shell: bash, zsh or tcsh.
 
     Raises:
-        InputError: shtab, which writes such scripts, is not installed, or does not know the shell.
+        InputError: shtab, which writes the script, is not installed or does not support the shell.
     """
     try:
         import shtab

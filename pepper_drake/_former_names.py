@@ -1,7 +1,7 @@
-"""Module and function names of release 0.1 that go on working for one more release.
+"""Module and function names of release 0.1 that keep working for one more release.
 
-An import of a former module gives the module that took its place, so that what is set on one is
-set on the other. Former names inside it are added on that import.
+Importing a former module gives its successor, the same module object. Former names inside it are
+added on that import.
 """
 
 import importlib
@@ -38,7 +38,7 @@ _NAMES = {
 
 
 class _FormerModules(MetaPathFinder, Loader):
-    """Finds a former module's name and gives its successor."""
+    """Imports a former module name as its successor."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -55,12 +55,12 @@ class _FormerModules(MetaPathFinder, Loader):
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Gives the successor its own spec back, in whose place import has put the former one."""
+        """Restores the successor's own spec, which import has replaced by the former one."""
         assert module.__spec__ is not None
         module.__spec__ = module.__spec__.loader_state
 
 
 def install() -> None:
-    """Makes former module names importable; calling it again changes nothing."""
+    """Makes former module names importable; repeated calls have no effect."""
     if not any(isinstance(finder, _FormerModules) for finder in sys.meta_path):
         sys.meta_path.append(_FormerModules())

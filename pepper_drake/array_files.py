@@ -1,4 +1,4 @@
-"""Arrays in numpy's npz and npy files, as anybody may hand them in: read within limits."""
+"""Arrays in numpy's npz and npy files of unknown origin, read within limits."""
 
 import io
 import math
@@ -16,10 +16,10 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import read_bytes
 
 FILE_LIMIT = 64 * 2**20
-"""Largest npz file that is read [bytes]."""
+"""Largest size of an npz file [bytes]."""
 
 _ARRAYS_LIMIT = 128 * 2**20
-"""Most that the arrays of a file may hold together [bytes]."""
+"""Largest total size of a file's arrays [bytes]."""
 
 _MOST_ARRAYS = 100_000
 _HEADER_LIMIT = 4096
@@ -31,7 +31,7 @@ _BROKEN = (
     KeyError,
     TypeError,
     OverflowError,
-    RuntimeError,  # Encrypted, or compressed in a way that numpy never does.
+    RuntimeError,  # Encrypted, or a compression that numpy does not write.
     SyntaxError,
     tokenize.TokenError,
     RecursionError,
@@ -46,14 +46,14 @@ def read_npz(
 
     Args:
         path: A file that numpy's `savez` or `savez_compressed` wrote.
-        names: The arrays that are wanted, if they are there; all if None.
-        kinds: Kinds of elements that are read, as `dtype.kind` has them.
+        names: The wanted arrays, if present; all if None.
+        kinds: Accepted kinds of elements, as in `dtype.kind`.
 
     Returns:
         The arrays by name.
 
     Raises:
-        InputError: There is no such file, it is no npz file or is damaged, is too large, or an
+        InputError: There is no such file, it is not an npz file, is damaged or too large, or an
             array has elements of another kind.
     """
     content = read_bytes(path, FILE_LIMIT)
@@ -73,10 +73,10 @@ def read_npy(path: Path, *, kinds: str = "fiub") -> npt.NDArray[Any]:
 
     Args:
         path: A file that numpy's `save` wrote.
-        kinds: Kinds of elements that are read, as `dtype.kind` has them.
+        kinds: Accepted kinds of elements, as in `dtype.kind`.
 
     Raises:
-        InputError: There is no such file, it is no npy file or is damaged, is too large, or its
+        InputError: There is no such file, it is not an npy file, is damaged or too large, or its
             elements are of another kind.
     """
     content = read_bytes(path, _ARRAYS_LIMIT)
@@ -87,10 +87,10 @@ def read_npy(path: Path, *, kinds: str = "fiub") -> npt.NDArray[Any]:
 
 
 def npz_names(path: Path) -> frozenset[str]:
-    """Returns the names of the arrays that an npz file has.
+    """Returns the names of the arrays in an npz file.
 
     Raises:
-        InputError: There is no such file, or it is no npz file.
+        InputError: There is no such file, or it is not an npz file.
     """
     content = read_bytes(path, FILE_LIMIT)
     try:
@@ -112,7 +112,7 @@ def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
 
 def _read_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, kinds: str) -> npt.NDArray[Any]:
     with archive.open(entry) as file:
-        # To the end and not beyond what was said, so that the checksum is compared.
+        # One byte more than declared: reading to the end compares the checksum.
         return _parse_array(file.read(entry.file_size + 1), kinds)
 
 

@@ -26,14 +26,14 @@ EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 """Ctrl-C or SIGTERM ended the app before it was done; what it had done is kept."""
 _IMPORTING = 0.02
-"""Time after which an interrupt comes again that came during an import [s]."""
+"""Delay after which an interrupt that came during an import is sent again [s]."""
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """A parser that says what is wrong with the command line in one line."""
+    """A parser that reports errors in one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Exits with what every app exits with when its input is bad."""
+        """Exits with the exit code of bad input."""
         self.exit(EXIT_BAD_INPUT, f"error: {one_line(message)}; see {self.prog} --help\n")
 
 
@@ -55,7 +55,7 @@ def make_parser(
     Args:
         name: The app's name; its default output folder is `out/<name>`.
         description: The help text, usually the module's docstring.
-        seed_of_scenario: Whether a seed that is not given is the scenario's; the option is None.
+        seed_of_scenario: Whether the default seed is the scenario's; the option is then None.
     """
     parser = OneLineParser(
         prog=program if (program := sys.argv[0]).startswith("pepper-drake ") else f"{name}.py",
@@ -89,7 +89,7 @@ def make_parser(
 
 
 def add_host_option(parser: argparse.ArgumentParser) -> None:
-    """Adds `--host`, for apps that show a page."""
+    """Adds `--host`, for apps with a web page."""
     parser.add_argument(
         "--host",
         metavar="ADDRESS",
@@ -102,7 +102,7 @@ def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
     """Reads the command line, and checks that the results can be written.
 
     Args:
-        parser: As `make_parser` made it.
+        parser: From `make_parser`.
 
     Raises:
         InputError: Nothing can be written to `--output`.
@@ -113,7 +113,7 @@ def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
     except InputError as error:
         raise InputError(f"--output {error}") from None
     if options.code:
-        # Not before: most commands need none of what it imports.
+        # Imported here: most commands do not need it.
         from pepper_drake.user_code import register_code
 
         for text in options.code:
@@ -122,14 +122,14 @@ def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
 
 
 def shows_progress(options: argparse.Namespace) -> bool:
-    """Tells whether a progress bar is shown: in a terminal, unless it is to be quiet."""
+    """Tells whether a progress bar is shown: in a terminal, unless `--quiet` is given."""
     return not options.quiet and sys.stderr.isatty()
 
 
 def run(main: Callable[[], int]) -> None:
-    """Runs an app's `main` and exits with its code; errors a user can mend become one line.
+    """Runs an app's `main` and exits with its code; errors that a user can fix become one line.
 
-    SIGTERM ends it as Ctrl-C does.
+    SIGTERM has the effect of Ctrl-C.
     """
     try:
         signal.signal(signal.SIGTERM, _interrupt)
@@ -147,7 +147,7 @@ def run(main: Callable[[], int]) -> None:
     except PepperDrakeError as error:
         print(f"error: {error}", file=sys.stderr)
         code = EXIT_FAILED
-    except BrokenPipeError:  # Whoever read the output, such as `head`, has gone.
+    except BrokenPipeError:  # The reader of the output, such as `head`, has gone.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = EXIT_DONE
     except KeyboardInterrupt:
@@ -157,9 +157,9 @@ def run(main: Callable[[], int]) -> None:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Raises KeyboardInterrupt, but waits while something is being imported.
+    """Raises KeyboardInterrupt, but postpones it during an import.
 
-    A library whose import is interrupted can make another error of it, and print its own lines.
+    An interrupted import may turn it into another error, and print lines of its own.
     """
     while frame is not None:
         if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
@@ -172,22 +172,22 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def limit_linear_algebra() -> None:
-    """Lets matrix products take one thread, whatever the computer has or `OMP_NUM_THREADS` says.
+    """Limits linear algebra to one thread, regardless of the machine and `OMP_NUM_THREADS`.
 
-    Several threads add up in another order, and a run would not be repeated to the last bit. Our
+    Several threads sum in another order, and a run could not be repeated to the last bit. Our
     matrices are too small to gain from them.
     """
-    for library in ("OPENBLAS", "MKL", "BLIS"):  # Of libraries and processes that come later.
+    for library in ("OPENBLAS", "MKL", "BLIS"):  # For libraries and processes loaded later.
         os.environ[f"{library}_NUM_THREADS"] = "1"
     threadpool_limits(limits=1, user_api="blas")
 
 
 def quiet_resource_tracker() -> None:
-    """Lets Python clear up silently after a program that is killed.
+    """Lets Python clean up silently after a killed program.
 
-    A process of `multiprocessing` outlives it and removes the shared memory and the semaphores that
-    it could not remove. A warning of that would come to the terminal when the program is long gone.
-    The process takes the options of this list when it is started, with the first of them.
+    A process of `multiprocessing` outlives it and removes leaked shared memory and semaphores. Its
+    warning would reach the terminal when the program is long gone. It takes its options from this
+    list when it starts, with the first shared object.
     """
     option = "ignore:resource_tracker:UserWarning"
     if option not in sys.warnoptions:
@@ -195,10 +195,10 @@ def quiet_resource_tracker() -> None:
 
 
 def quiet_libraries() -> None:
-    """Keeps the terminal for the app: Drake logs warnings only, and its solver prints nothing.
+    """Keeps the terminal for the app: Drake logs only warnings, and its solver prints nothing.
 
-    The quadratic-program solver inside Drake's inverse kinematics prints to C's standard output,
-    which Python cannot redirect; Python's own output moves to a copy of the terminal.
+    The quadratic-program solver in Drake's inverse kinematics prints to C's standard output, which
+    Python cannot redirect; Python's own output moves to a copy of the terminal.
     """
     logging.getLogger("drake").setLevel(logging.WARNING)
     sys.stdout.flush()
@@ -210,10 +210,10 @@ def quiet_libraries() -> None:
 
 @contextlib.contextmanager
 def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
-    """Lets what runs inside end in order: the first Ctrl-C only asks for it, the second interrupts.
+    """Requests an orderly end at the first Ctrl-C; the second interrupts.
 
     Yields:
-        A function that tells whether the end was asked for.
+        A function that tells whether the end was requested.
     """
     asked = False
 

@@ -1,4 +1,4 @@
-"""Command-line options for what a recording does not say."""
+"""Command-line options for what a recording does not state."""
 
 from argparse import ArgumentParser, Namespace
 
@@ -52,7 +52,7 @@ def add_import_options(parser: ArgumentParser) -> None:
 
 
 def import_options(arguments: Namespace) -> ImportOptions:
-    """Returns what was said.
+    """Returns the import options of the command line.
 
     Raises:
         InputError: A number is not finite.

@@ -1,4 +1,4 @@
-"""Command-line options that choose the robot, and what fails of it."""
+"""Command-line options that choose the robot and its faults."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Collection
@@ -13,8 +13,8 @@ def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> Non
     """Adds `--robot`, `--calibration` and `--fault`.
 
     Args:
-        parser: An app's.
-        addresses: Whether a robot at an address may be named, too.
+        parser: Of an app.
+        addresses: Whether a robot's address may be given, too.
     """
     parser.add_argument(
         "--robot",
@@ -53,10 +53,10 @@ def chosen_faults(options: Namespace, signals: Collection[str] | None = None) ->
 
     Args:
         options: Of `add_robot_options`, with a seed.
-        signals: The signals that there are; all of them if left out.
+        signals: The signals that can fail here; all if left out.
 
     Raises:
-        InputError: One of them is no fault, or makes no sense here.
+        InputError: One of them is not a fault, or its signal does not exist here.
     """
     faults = parse_faults(options.fault)
     for fault in faults:

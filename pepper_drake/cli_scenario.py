@@ -1,4 +1,4 @@
-"""Command-line options that choose a scenario, and what is checked of it in an app."""
+"""Command-line options that choose a scenario, and checks of it."""
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
@@ -12,14 +12,14 @@ from pepper_drake.scenario import Scenario, load_scenario, save_scenario
 
 
 def check_robot_takes(scenario: Scenario, *simulated: str) -> None:
-    """Checks that nothing is set that only a simulated robot has.
+    """Checks that no field of a simulated robot is set.
 
     Args:
         scenario: The scenario of a run with a robot.
         simulated: Its fields that have no effect there.
 
     Raises:
-        InputError: One of them is not what it is by default.
+        InputError: One of them differs from its default.
     """
     for name in simulated:
         if attrgetter(name)(scenario) != attrgetter(name)(Scenario()):
@@ -27,13 +27,13 @@ def check_robot_takes(scenario: Scenario, *simulated: str) -> None:
 
 
 def keep_scenario(scenario: Scenario, folder: Path, *, has_runs: bool) -> None:
-    """Writes the scenario of a folder whose runs are not repeated.
+    """Writes the scenario of a folder that collects runs.
 
     Args:
         scenario: Of the runs to come.
         folder: The folder.
-        has_runs: True if it holds runs already; where nothing says of which numbers, they are of
-            the usual ones.
+        has_runs: True if it holds runs already; without a scenario.yaml these have the default
+            numbers.
 
     Raises:
         InputError: The folder holds runs of another scenario, or cannot be written to.
@@ -52,7 +52,7 @@ def add_scenario_options(parser: ArgumentParser, parts: Sequence[str] = ()) -> N
 
     Args:
         parser: To add them to.
-        parts: Fields of a scenario that count in this app, such as `NUMBERS`; all if left out.
+        parts: Fields of a scenario that this app uses, such as `NUMBERS`; all if left out.
     """
     parser.set_defaults(scenario_parts=tuple(parts))
     what = f"numbers of {', '.join(parts)}" if parts else "scene, robot and every tuned number"
@@ -78,15 +78,15 @@ def add_scenario_options(parser: ArgumentParser, parts: Sequence[str] = ()) -> N
 def scenario_of(options: Namespace, defaults: Scenario | None = None) -> Scenario:
     """Loads the scenario that the options of `add_scenario_options` name.
 
-    Of a file, only the parts count that the app takes: it may have options of its own for scene,
-    seed, movement and task.
+    Only the app's parts of a file are used: scene, seed, movement and task may be options of the
+    app itself.
 
     Args:
         options: Of an app.
-        defaults: The defaults, if they are other than usual.
+        defaults: Other defaults than usual.
 
     Raises:
-        InputError: As `load_scenario`; or a setting is none of the app's parts.
+        InputError: As in `load_scenario`; or a setting is not one of the app's parts.
     """
     parts = options.scenario_parts
     for setting in options.set if parts else ():

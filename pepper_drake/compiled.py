@@ -11,12 +11,12 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def compiled(function: F) -> F:
-    """Compiles a function at its first call for each kind of arguments.
+    """Compiles a function on its first call for each kind of arguments.
 
-    What was compiled is kept beside the function's file, in the user's cache folder or in
-    $NUMBA_CACHE_DIR, until that file changes; where none of them can be written to, as in a
-    container that is read-only, it is compiled anew in each process. Changes in other files go
-    unnoticed: compiled functions call only those of their own file.
+    Compiled code is cached beside the function's file, in the user's cache folder or in
+    $NUMBA_CACHE_DIR, until that file changes; if none is writable, as in a read-only container, it
+    is compiled again in each process. Changes in other files go unnoticed: compiled functions only
+    call those of their own file.
     """
     try:
         return cast(F, njit(cache=True)(function))
@@ -25,12 +25,12 @@ def compiled(function: F) -> F:
 
 
 def announce_compilation() -> None:
-    """Tells in the terminal that functions are compiled, once they are: nothing moves meanwhile."""
+    """Announces on the terminal the first compilation of functions, which takes a while."""
     event.register("numba:compile", _Announcement())
 
 
 class _Announcement(event.Listener):
-    """A sentence when the first function is compiled, and is not just read from its cache."""
+    """Prints a sentence when a function is compiled instead of read from the cache."""
 
     def on_start(self, event_: Any) -> None:
         event.unregister("numba:compile", self)

@@ -1,4 +1,4 @@
-"""Errors that a user can mend."""
+"""Errors that a user can fix."""
 
 _LONGEST = 1000
 
@@ -6,7 +6,7 @@ _LONGEST = 1000
 class PepperDrakeError(Exception):
     """Base of all errors that the package raises on purpose.
 
-    Its text is one line that a terminal shows as it is: it may quote a file that anybody wrote.
+    Its text is one line, safe to print on a terminal: it may quote a file of unknown origin.
     """
 
     def __str__(self) -> str:
@@ -18,14 +18,14 @@ class InputError(PepperDrakeError):
 
 
 class StoppedError(PepperDrakeError):
-    """The user ended it before there was anything to keep. Apps print that and exit with 130."""
+    """The user stopped it before there was anything to keep. Apps print that and exit with 130."""
 
 
 def one_line(text: str) -> str:
     """Returns a text as one line of at most 1000 characters.
 
-    Control characters and the like, which could move the cursor, colour the terminal or turn the
-    direction of writing, are shown by their codes.
+    Control characters, which could move the cursor, colour the terminal or change the direction of
+    writing, are shown by their codes.
 
     Args:
         text: Any text.

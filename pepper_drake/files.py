@@ -1,8 +1,7 @@
-"""Files as anybody may hand them in: read within limits, written whole or not at all.
+"""Files of unknown origin: read within limits, written as a whole or not at all.
 
-Whatever reads a file from the disk reads it through here, so that a pipe, a device, a file without
-end or a link out of its folder is answered with one sentence, and never with a hang or a full
-memory.
+All file reading goes through here, so that a pipe, a device, an endless file or a link out of its
+folder is answered with one sentence, and never with a hang or exhausted memory.
 """
 
 import dataclasses
@@ -16,18 +15,18 @@ from typing import Any, get_args, get_origin, get_type_hints
 from pepper_drake.errors import InputError
 
 TEXT_LIMIT = 64 * 2**20
-"""Largest text file that is read [bytes]: an hour of demonstration at 100 Hz is 60 MB."""
+"""Largest size of a text file [bytes]: an hour of demonstration at 100 Hz is 60 MB."""
 
 LARGEST_NUMBER = 1e9
-"""No number in SI units of a robot's world is larger."""
+"""Largest number accepted, in SI units."""
 
 MOST_DIGITS = 15
-"""Digits of a whole number: more would not survive as a floating-point number."""
+"""Most digits of a whole number: more would not be exact as a floating-point number."""
 
 _LFS_POINTER = b"version https://git-lfs"
 
 _DEEPEST = 100
-"""Levels of lists and objects that a JSON file may have."""
+"""Deepest nesting of lists and objects in a JSON file."""
 
 
 def read_bytes(path: Path, limit: int = TEXT_LIMIT) -> bytes:
@@ -38,11 +37,11 @@ def read_bytes(path: Path, limit: int = TEXT_LIMIT) -> bytes:
         limit: Largest size [bytes].
 
     Raises:
-        InputError: There is no such file, it is no regular file, it cannot be read, it is larger
+        InputError: There is no such file, it is not a regular file, it cannot be read, it is larger
             than the limit, or it is a pointer of Git LFS.
     """
     try:
-        # Without O_NONBLOCK, a pipe would be waited for until somebody writes to it.
+        # Without O_NONBLOCK, opening a pipe would block until somebody writes to it.
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; check the path") from None
@@ -68,7 +67,7 @@ def read_bytes(path: Path, limit: int = TEXT_LIMIT) -> bytes:
 
 
 def refuse_pointer(path: Path, start: bytes) -> None:
-    """Refuses what a clone without Git LFS has in the place of a large file.
+    """Refuses the pointer that a clone without Git LFS has in place of a large file.
 
     Args:
         path: The file.
@@ -89,7 +88,7 @@ def read_text(path: Path, limit: int = TEXT_LIMIT) -> str:
         limit: Largest size [bytes].
 
     Raises:
-        InputError: As `read_bytes`, or the file is not text.
+        InputError: As in `read_bytes`, or the file is not text.
     """
     try:
         text = read_bytes(path, limit).decode("utf-8-sig")
@@ -101,16 +100,16 @@ def read_text(path: Path, limit: int = TEXT_LIMIT) -> str:
 
 
 def read_json(path: Path, limit: int = TEXT_LIMIT) -> Any:
-    """Returns the value that a JSON file holds: objects, lists, texts and numbers of our world.
+    """Returns the value in a JSON file: objects, lists, texts and numbers within limits.
 
     Args:
         path: The file.
         limit: Largest size [bytes].
 
     Raises:
-        InputError: As `read_text`, or the file is no JSON (which knows no NaN), gives a name in
-            an object twice, has a number beyond `LARGEST_NUMBER` or a whole one of more than
-            `MOST_DIGITS`, or nests deeper than any of our files.
+        InputError: As in `read_text`, or the file is not JSON (which has no NaN), repeats a name in
+            an object, has a number beyond `LARGEST_NUMBER` or a whole number of more than
+            `MOST_DIGITS`, or is nested too deeply.
     """
     return parse_json(read_text(path, limit), str(path))
 
@@ -120,7 +119,7 @@ def parse_json(text: str, name: str) -> Any:
 
     Args:
         text: The JSON.
-        name: Where it comes from, for the sentence that says what is wrong.
+        name: Its source, for error messages.
     """
     try:
         value = json.loads(
@@ -181,15 +180,15 @@ def _depth(value: Any) -> int:
 
 
 def check_fields(record: Any, name: str, mend: str) -> None:
-    """Checks that the fields of a dataclass hold what its types say, when a file gave them.
+    """Checks that the fields of a dataclass, read from a file, match their types.
 
     Args:
-        record: The dataclass; those in its fields are checked, too, but not what lists hold.
-        name: Where it comes from, for the sentence that says what is wrong.
-        mend: The end of that sentence.
+        record: The dataclass; nested ones are checked, too, but not the elements of lists.
+        name: Its source, for error messages.
+        mend: End of the message.
 
     Raises:
-        InputError: A field is of another kind, or a number beyond `LARGEST_NUMBER`.
+        InputError: A field has another type, or is a number beyond `LARGEST_NUMBER`.
     """
     for field, hint in get_type_hints(type(record)).items():
         value = getattr(record, field)
@@ -206,9 +205,9 @@ def check_fields(record: Any, name: str, mend: str) -> None:
 
 
 def path_inside(folder: Path, name: str | Path) -> Path:
-    """Returns the path of what a folder holds under a name.
+    """Returns the path of a file in a folder.
 
-    A folder that was handed in must not make the program read what lies elsewhere.
+    A folder of unknown origin must not make the program read files elsewhere.
 
     Args:
         folder: The folder.
@@ -220,7 +219,7 @@ def path_inside(folder: Path, name: str | Path) -> Path:
     path = folder / name
     try:
         is_inside = path.resolve().is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError):  # A circle of links is a RuntimeError.
+    except (OSError, ValueError, RuntimeError):  # A cycle of links is a RuntimeError.
         is_inside = False
     if not is_inside:
         raise InputError(f"{path}: leads out of its folder; put a copy of the file there")
@@ -228,11 +227,11 @@ def path_inside(folder: Path, name: str | Path) -> Path:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Writes a file so that others see the old one or the new one, never a part.
+    """Writes a file so that others see the old or the new one, never a part.
 
     Args:
-        path: The file; its folder is made if need be.
-        content: What it is to hold; a text is written in UTF-8.
+        path: The file; its folder is created if needed.
+        content: New content; a text is written in UTF-8.
 
     Raises:
         InputError: The folder cannot be written to.

@@ -1,4 +1,4 @@
-"""Parts that are chosen by a name: those of ours, and those that a user's file adds."""
+"""Parts chosen by name: built-in ones, and those that a user's file adds."""
 
 from collections.abc import Mapping
 from typing import TypeVar
@@ -9,15 +9,15 @@ T = TypeVar("T")
 
 
 def registered(kind: str, name: str, known: Mapping[str, T]) -> T:
-    """Returns the part of a name.
+    """Returns the part of that name.
 
     Args:
-        kind: The word or the field that chooses it, for the sentence.
+        kind: The option or field that chooses it, for the message.
         name: Its name.
         known: Parts by their names.
 
     Raises:
-        InputError: There is none; the message lists those that there are.
+        InputError: There is none; the message lists the known names.
     """
     if name not in known:
         mend = f"use one of {', '.join(known)}"

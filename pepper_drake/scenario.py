@@ -1,9 +1,9 @@
-"""One file for a whole run: the scene, the robot, and every tuned number of the loop.
+"""One file for a whole run: the scene, the robot, and every tuned parameter of the loop.
 
     pepper-drake reach --scenario mine.yaml --set planner.clearance.want=0.02
 
-A file holds only what differs from the defaults. The scenario of a run is saved beside its report
-as `scenario.yaml`, whole, and the run can be repeated from it.
+A file holds only what differs from the defaults. A run saves its complete scenario beside its
+report as `scenario.yaml`, from which it can be repeated.
 """
 
 import dataclasses
@@ -46,7 +46,7 @@ from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.guiding.external_force import ForcePulse
 
 _PUSH_DURATION = 0.5
-"""Time that the hand is pushed [s]."""
+"""Duration of the push on the hand [s]."""
 NUMBERS = (
     "station",
     "perception",
@@ -58,7 +58,7 @@ NUMBERS = (
     "contact",
     "barrier",
 )
-"""Fields of a scenario that say how the loop works, in whatever scene and for whatever task."""
+"""Fields of a scenario with parameters of the loop, independent of scene and task."""
 _POSITIVE = (
     "compliance.stiffness",
     "contact.angle",
@@ -102,7 +102,7 @@ _POSITIVE = (
     "supervisor.separation.slowing",
     "supervisor.time_step",
 )
-"""Numbers by which something is divided, or that count what is kept."""
+"""Fields that must be positive: divisors and counts."""
 _LEAST = {
     "contact.steps": 1,
     "planner.adaptation.samples": 10,
@@ -117,7 +117,7 @@ _LEAST = {
     "supervisor.latency.check": 0,
     "supervisor.latency.plan": 0,
 }
-"""Least values of some numbers."""
+"""Least values of some fields."""
 _MOVED_IN_APPROACH = {
     "visit": "transient_timeout",
     "onward": "extrapolated",
@@ -135,13 +135,13 @@ MOVED = {
     for camera in ("obstacles", "stereo_obstacles")
     for former, now in _MOVED_IN_APPROACH.items()
 }
-"""Fields by their names of the last release, which this one reads, too, and their names now."""
+"""Field names of the last release, which are still read, and their present names."""
 
 
 def _without(schema: type, names: Sequence[str], called: str) -> Any:
-    """Returns a dataclass with the fields of another one, but for some, to be assigned to a name.
+    """Returns a dataclass with the fields of another one, without some, to be assigned to `called`.
 
-    Those follow from other fields of a scenario.
+    Those left out follow from other fields of a scenario.
     """
     hints = typing.get_type_hints(schema)
     kept = [f for f in fields(schema) if f.name not in names]
@@ -171,10 +171,10 @@ BarrierSettings: Any = _without(BarrierCoupling, (), "BarrierSettings")
 
 @dataclass
 class TaskSettings:
-    """A task after the reach, as a file names it."""
+    """A task after the reach, as in a file."""
 
     name: str = ""
-    """For reports; made of its number if empty."""
+    """For reports; made from its number if empty."""
     demonstration: str = ""
     """Folder or file of the task's demonstration; that of the reach if empty."""
     wait: float = 0.0
@@ -187,7 +187,7 @@ class TaskSettings:
     """True to return to the hand's pose before the reach."""
 
     def check(self) -> None:
-        """Raises InputError unless it is one task of sensible size."""
+        """Raises InputError unless it is a single task with sensible values."""
         label = f"task {self.name!r}"
         if len(self.offset) != 3 or not all(abs(x) <= 0.5 for x in self.offset):
             raise InputError(f"{label}: offset {self.offset} must be three numbers, 0.5 m at most")
@@ -204,7 +204,7 @@ class TaskSettings:
 
 
 def _check_tasks(tasks: Sequence[TaskSettings]) -> None:
-    """Raises InputError unless each task is one, and the arm moves with no open hand."""
+    """Raises InputError unless each task is valid, and the arm never moves with an open hand."""
     opening = RELAXED
     for task in tasks:
         task.check()
@@ -278,7 +278,7 @@ class Scenario:
         return BarrierCoupling(**vars(self.barrier))
 
     def check(self) -> None:
-        """Checks what the types do not say.
+        """Checks what the types do not express.
 
         Raises:
             InputError: A value is out of range, or clearances or tolerances are out of order.
@@ -336,17 +336,17 @@ class Scenario:
 
 
 METHODS = ("adapted", "reactive", "report")
-"""Ways to get around obstacles; see `use_method`."""
+"""Methods of avoiding obstacles; see `use_method`."""
 
 
 def use_method(scenario: Scenario, method: str) -> None:
-    """Sets a scenario to one way of getting around obstacles.
+    """Sets a scenario to one method of avoiding obstacles.
 
     - `adapted`: the taught movement, bent by the barrier; where that is not enough, the whole arm's
-      movement is adapted to what was seen. The default.
+      movement is adapted to the observed scene. The default.
     - `reactive`: the barrier alone bends the taught movement; where that is not enough, the reach
       is refused.
-    - `report`: the report's own. Equation 2.7 summed over the cloud; locally weighted regression
+    - `report`: the report's method. Equation 2.7 summed over the cloud; locally weighted regression
       with 40 basis functions, the forcing term scaled by g - y0 (2.5), three angles for the
       orientation; no check of the arm for collisions.
 
@@ -365,7 +365,7 @@ def use_method(scenario: Scenario, method: str) -> None:
 
 
 def _check_ranges(scenario: Scenario) -> None:
-    """Raises InputError for a number by which something is divided, or counted, out of range."""
+    """Raises InputError for a field of `_POSITIVE`, `_LEAST` or a pair that is out of range."""
     for name in _POSITIVE:
         value = attrgetter(name)(scenario)
         if not value > 0:
@@ -390,7 +390,7 @@ def _check_ranges(scenario: Scenario) -> None:
 def movement_and_config(
     scenario: Scenario, primitive: MovementPrimitive | None = None
 ) -> tuple[MovementPrimitive, ReachingConfig]:
-    """Returns the movement of a scenario, and what its diagram is built from.
+    """Returns the movement of a scenario, and the configuration of its diagram.
 
     Args:
         scenario: The scenario.
@@ -426,10 +426,10 @@ def _task(
 
 
 def load_tasks(path: Path) -> list[TaskSettings]:
-    """Loads what the arm does after the reach: a YAML file with a list `tasks`.
+    """Loads the tasks after the reach: a YAML file with a list `tasks`.
 
     Raises:
-        InputError: The file does not fit, or has no task; the sentence names it.
+        InputError: The file does not fit, or has no task; the message names it.
     """
     loaded = load_yaml(_Tasks, path, _Tasks())
     if not loaded.tasks:
@@ -442,7 +442,7 @@ def load_tasks(path: Path) -> list[TaskSettings]:
 
 
 def coupling_of(scenario: Scenario) -> Coupling | None:
-    """Returns how obstacles bend the movement of a scenario; None for not at all.
+    """Returns the coupling with which obstacles bend a scenario's movement, or None.
 
     Raises:
         InputError: There is no coupling of that name.
@@ -462,7 +462,7 @@ def build_reaching(
     Args:
         scenario: The scenario.
         primitive: As in `movement_and_config`.
-        coupling: A coupling that has no name, in place of the scenario's.
+        coupling: Used instead of the scenario's.
 
     Raises:
         InputError: The demonstration cannot be read.
@@ -479,10 +479,10 @@ def load_scenario(
     Args:
         path: The YAML file; fields that it omits keep their defaults. All defaults if None.
         settings: Such as `planner.clearance.want=0.02`, on top of the file.
-        defaults: The defaults, if they are other than usual.
+        defaults: Other defaults than usual.
 
     Raises:
-        InputError: The file or a setting does not fit; the sentence names file, line and field.
+        InputError: The file or a setting does not fit; the message names file, line and field.
     """
     scenario = deepcopy(defaults) or Scenario()
     if path is not None:
@@ -496,5 +496,5 @@ def load_scenario(
 
 
 def save_scenario(scenario: Scenario, path: Path) -> None:
-    """Writes a whole scenario, from which `load_scenario` makes the same."""
+    """Writes a complete scenario, which `load_scenario` restores."""
     save_yaml(scenario, path)

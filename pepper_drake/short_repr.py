@@ -1,4 +1,4 @@
-"""Views of objects of many numbers: a line of text, a signature, and in a notebook a figure."""
+"""Views of large objects: a line of text, a signature, and a figure in notebooks."""
 
 import importlib
 import inspect
@@ -11,13 +11,13 @@ import numpy as np
 _LONGEST = 60
 """Longer texts of fields are cut."""
 _WHOLE = 220
-"""The fields that make the text longer than this are counted only."""
+"""Fields that would make the text longer than this are only counted."""
 
 
 def short_repr(self: Any) -> str:
     """Returns a line for a dataclass: plain fields by value, arrays by shape, others by class.
 
-    Fields that have their default are left out. Use it in a class: `__repr__ = short_repr`.
+    Fields with their default value are left out. Use it in a class: `__repr__ = short_repr`.
     """
     parts = [
         f"{field.name}={_short(getattr(self, field.name))}"
@@ -33,7 +33,7 @@ def short_repr(self: Any) -> str:
 
 
 class _BareName:
-    """An annotation that `help()` prints as it stands."""
+    """An annotation that `help()` prints as it is."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -45,14 +45,14 @@ class _BareName:
 def shortened(function: Any) -> inspect.Signature:
     """Returns the signature of a constructor for `help()`, without `self`.
 
-    Types stand by name without their modules, and are left out where the default tells them.
+    Types are named without their modules, and left out where the default implies them.
     """
     parameters = list(inspect.signature(function).parameters.values())[1:]
     return inspect.Signature([_without_modules(parameter) for parameter in parameters])
 
 
 class _ShortSignature:
-    """Computes a dataclass's signature when it is asked for."""
+    """Computes a dataclass's signature on demand."""
 
     def __get__(self, instance: Any, owner: Any) -> inspect.Signature:
         return shortened(owner.__init__)
@@ -60,7 +60,7 @@ class _ShortSignature:
 
 def _without_modules(parameter: inspect.Parameter) -> inspect.Parameter:
     if isinstance(parameter.default, bool | int | float | str):
-        return parameter.replace(annotation=parameter.empty)  # The default tells the type.
+        return parameter.replace(annotation=parameter.empty)  # The default implies the type.
     kind = parameter.annotation
     text = kind if isinstance(kind, str) else inspect.formatannotation(kind)
     return parameter.replace(annotation=_BareName(re.sub(r"(\w+\.)+", "", text)))
@@ -71,11 +71,11 @@ short_signature = _ShortSignature()
 
 
 def figure_view(self: Any) -> str:
-    """Returns HTML with the object's figure, as notebooks ask for it.
+    """Returns HTML with the object's figure, for notebooks.
 
     Use it in a class that `reporting.notebook_view` draws: `_repr_html_ = figure_view`.
     """
-    # Only now: a figure needs matplotlib, and rooms that are above the object's own.
+    # Imported here: a figure needs matplotlib, and a room above the object's own.
     view = importlib.import_module("pepper_drake.reporting.notebook_view")
     html: str = view.html_of(self)
     return html
@@ -92,7 +92,7 @@ def _is_default(field: Field[Any], value: Any) -> bool:
         return bool(np.array_equal(value, default))
     try:
         return bool(value == default)
-    except ValueError:  # Arrays within compare to arrays.
+    except ValueError:  # Nested arrays compare to arrays.
         return False
 
 

@@ -1,4 +1,4 @@
-"""Signals to a program, and the end of the one that started it."""
+"""Signals to a program, and the end of its parent process."""
 
 import asyncio
 import contextlib
@@ -14,7 +14,7 @@ Result = TypeVar("Result")
 
 @contextlib.contextmanager
 def undisturbed() -> Iterator[None]:
-    """Lets Ctrl-C and SIGTERM wait until the block has ended."""
+    """Defers Ctrl-C and SIGTERM until the block has ended."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     try:
         yield
@@ -25,8 +25,8 @@ def undisturbed() -> Iterator[None]:
 def run_async(work: Coroutine[Any, Any, Result]) -> Result:
     """Runs a coroutine as `asyncio.run` does; Ctrl-C and SIGTERM cancel it.
 
-    What a handler raises inside of asyncio's own code leaves its loop half made, and many lines on
-    the terminal. A coroutine may handle the signals in its own way.
+    An exception raised by a handler inside asyncio's own code would leave its loop half built, and
+    print many lines. A coroutine may handle the signals itself.
 
     Raises:
         KeyboardInterrupt: A signal came, and the coroutine has been cancelled.
@@ -63,9 +63,9 @@ def run_async(work: Coroutine[Any, Any, Result]) -> Result:
 
 
 def end_with_parent() -> None:
-    """Ends this process, one of `multiprocessing`, as soon as the one that started it has ended.
+    """Ends this `multiprocessing` process as soon as its parent has ended.
 
-    One that is killed cannot end its workers, which would go on, or wait for work for ever.
+    A killed parent cannot end its workers, which would go on, or wait for work for ever.
     """
     parent = parent_process()
     if parent is not None:

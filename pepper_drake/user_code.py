@@ -1,9 +1,9 @@
-"""Parts of one's own, named on the command line as FILE.py:NAME.
+"""A user's own parts, named on the command line as FILE.py:NAME.
 
-They are couplings, approximators and planners; `optimization.cost` has costs.
+They are couplings, approximators and planners; `optimization.cost` handles costs.
 
-What is saved names the part by its file's name and its own, never by a folder, and code runs only
-when a command names its file: loading a primitive or a scenario never runs any.
+Saved files name a part by its file's name and its own, never by a folder. Code runs only when a
+command names its file: loading a primitive or a scenario never runs any.
 """
 
 import importlib.util
@@ -27,7 +27,7 @@ def names_code(text: str) -> bool:
 
 
 def load_object(text: str) -> Any:
-    """Returns what FILE.py:NAME names; the file is run.
+    """Runs a file and returns its object FILE.py:NAME.
 
     Raises:
         InputError: There is no such file or name, or the file cannot be run.
@@ -57,15 +57,15 @@ def _load(path: Path, name: str) -> Any:
 
 
 def register_code(text: str) -> str:
-    """Makes a part of FILE.py:NAME known, and returns its name in files.
+    """Registers the part FILE.py:NAME, and returns its name in files.
 
     A coupling is a class without arguments, or an object, that follows `learning.Coupling`; an
     approximator is a `learning.Approximator`; a planner is a subclass of `planning.ReachPlanner`.
 
     Raises:
-        InputError: It cannot be loaded, or is none of these.
+        InputError: It cannot be loaded, or is not one of these.
     """
-    # Not before: it compiles the arm's kinematics, and most commands need no planner.
+    # Imported here: it compiles the arm's kinematics, and most commands need no planner.
     from pepper_drake.planning import ReachPlanner, register_planner
 
     part = load_object(text)

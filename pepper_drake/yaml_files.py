@@ -1,8 +1,8 @@
-"""YAML as anybody may hand it in: read within limits, with numbers written in one way only.
+"""YAML of unknown origin: read within limits, with one notation of numbers.
 
-Plain data, no aliases and no tags of its own, one document a file. A number is what everybody takes
-for one: YAML 1.1 also reads `1:30` as 90, `0x10` as 16, `010` as 8 and `1_0` as 10; here these are
-texts, which do not fit where a number belongs.
+Plain data, no aliases, no tags, one document per file. Numbers are read in their common notation:
+YAML 1.1 also reads `1:30` as 90, `0x10` as 16, `010` as 8 and `1_0` as 10; here these are texts,
+which are refused for a number.
 """
 
 import re
@@ -15,10 +15,10 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import MOST_DIGITS, read_text
 
 _DEEPEST = 20
-"""Levels of lists and mappings that a file may have; ours have at most eight."""
+"""Deepest nesting of lists and mappings in a file; ours have at most eight levels."""
 
 _MOST_NODES = 400_000
-"""Values that a file may have: a hundred times a large primitive."""
+"""Largest number of values in a file: a hundred times a large primitive's."""
 
 _PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -52,7 +52,7 @@ Loader.add_constructor("tag:yaml.org,2002:float", lambda loader, node: number_of
 
 
 def number_of(text: str) -> float:
-    """Returns the number that a YAML scalar stands for, including `.nan` and `-.inf`."""
+    """Returns the number of a YAML scalar, including `.nan` and `-.inf`."""
     word = text.lower()
     return float(word.replace(".inf", "inf").replace(".nan", "nan"))
 
@@ -62,11 +62,10 @@ def compose(text: str, name: str) -> yaml.Node | None:
 
     Args:
         text: The YAML.
-        name: Where it comes from, for the sentence that says what is wrong.
+        name: Its source, for error messages.
 
     Raises:
-        InputError: It is no YAML, has aliases, tags, or a key twice, or is deeper or longer than
-            any of our files.
+        InputError: It is not YAML, has aliases, tags or a repeated key, or is too deep or too long.
     """
     try:
         _check_events(text, name)
@@ -80,7 +79,7 @@ def compose(text: str, name: str) -> yaml.Node | None:
         raise InputError(f"{name} line {line}: not valid YAML ({error.problem})") from None
     except yaml.YAMLError as error:
         raise InputError(f"{name}: not valid YAML ({error})") from None
-    except ValueError as error:  # Escapes that stand for no character.
+    except ValueError as error:  # Escapes of no character.
         raise InputError(f"{name}: not valid YAML ({error})") from None
     if root is not None:
         _check_keys(root, name)
@@ -113,7 +112,7 @@ def read_yaml(path: Path, limit: int) -> Any:
 
 
 def _check_events(text: str, name: str) -> None:
-    """Looks at what the parser meets, one after the other, before anything is built of it."""
+    """Checks the parser's events one by one, before any data are built."""
     depth = documents = 0
     for count, event in enumerate(yaml.parse(text, Loader=_PARSER)):
         line = event.start_mark.line + 1 if event.start_mark else 1

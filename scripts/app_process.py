@@ -1,4 +1,4 @@
-"""An app of `apps/` as a process of its own, for scripts that watch how it behaves."""
+"""Apps in separate processes, for scripts that watch them."""
 
 import multiprocessing
 import os
@@ -20,11 +20,11 @@ def start_app(
 ) -> subprocess.Popen[str]:
     """Starts an app that writes into a folder.
 
-    A pipe holds 64 KiB and must be read by somebody while the app runs, or the app stands still.
+    A pipe must be read while the app runs: an app blocks once 64 KiB are unread.
 
     Args:
         app: Its name.
-        folder: For its results.
+        folder: Output folder.
         options: Other options, and arguments.
         stdout: As `subprocess.Popen` takes it.
         stderr: As `subprocess.Popen` takes it.
@@ -41,7 +41,7 @@ def start_app(
 
 
 def family(process: int) -> set[int]:
-    """Returns a process and all that came of it."""
+    """Returns a process and all its descendants."""
     parents: dict[int, list[int]] = {}
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -59,7 +59,7 @@ def family(process: int) -> set[int]:
 
 
 def running(process: int) -> bool:
-    """Tells whether a process is there and has not ended."""
+    """Returns whether a process exists and has not ended."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
@@ -67,10 +67,10 @@ def running(process: int) -> bool:
 
 
 def run_each_apart(function: Callable[..., None], names: Iterable[str], *given: int) -> int:
-    """Runs a function with each name and what else is given, each in a process that is new.
+    """Runs a function with each name and further arguments, each time in a new process.
 
     Returns:
-        1 if one of them ended with another exit code than 0.
+        1 if one of them ended with an exit code other than 0.
     """
     codes = []
     for name in names:

@@ -1,12 +1,12 @@
-"""Corrupts files of every format that the program reads, and tells what came of it.
+"""Fuzzes the reader of every file format with corrupted files.
 
   fuzz.py --count 1000                 a thousand corrupted files of each format
   fuzz.py scene log --seed 3           of these formats, other ones
   fuzz.py scene --only 17              one of them again, with its traceback
 
-Each file is read in a process that may take 10 s and 1 GiB for it. It must be accepted with finite
-numbers only, or refused by an InputError of one line with the file's name; all else is a finding.
-Exit code 1 if any.
+Each file is read in a process limited to 10 s and 1 GiB. It must be accepted with finite numbers
+only, or refused by an InputError of one line with the file's name; anything else is a finding.
+Exit code 1 if there is one.
 """
 
 import argparse
@@ -34,13 +34,13 @@ from fuzz_formats import Format, formats, meaningless
 from pepper_drake.errors import InputError
 
 LONGEST, MEMORY = 10.0, 2**30
-"""Limits for one file [s of the processor, bytes]."""
+"""Limits for one file: processor time [s], memory [bytes]."""
 
-_PATIENCE = 300.0
-"""Longest wait for a busy computer [s]."""
+_TIMEOUT = 300.0
+"""Timeout of a result on a busy computer [s]."""
 
 _PART = 20_000
-"""Length of the part of a file in which a number is looked for [bytes]."""
+"""Length of the part of a file searched for a number [bytes]."""
 
 ACCEPTED, REFUSED = "accepted", "refused"
 
@@ -50,67 +50,67 @@ _WORDS = [*(f'{_NUMBERS} {_SYNTAX} " , . .. / ../../etc/passwd /dev/zero'.split(
 _CONTROL = ["\0", "\x1b[2J", "\r", "\u202e", "\ufeff", "\x85"]
 
 
-def corrupt(path: Path, dice: random.Random) -> None:
-    """Corrupts a file in some way."""
-    if path.suffix == ".npz" and dice.random() < 0.6:
-        _corrupt_arrays(path, dice)
+def corrupt(path: Path, rng: random.Random) -> None:
+    """Corrupts a file at random."""
+    if path.suffix == ".npz" and rng.random() < 0.6:
+        _corrupt_arrays(path, rng)
         return
     content = bytearray(path.read_bytes())
-    ways = [_flip, _cut, _repeat, _insert, _zero]
+    mutations = [_flip, _cut, _repeat, _insert, _zero]
     if path.suffix != ".npz":
-        ways += [_replace_number] * 4 + [_replace_word] * 2 + [_swap_lines, _drop_line, _deepen]
-    for _ in range(dice.choice((1, 1, 1, 2, 3, 8))):
-        content = dice.choice(ways)(content, dice)
+        mutations += [_replace_number] * 4 + [_replace_word] * 2 + [_swap_lines, _drop_line, _nest]
+    for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
+        content = rng.choice(mutations)(content, rng)
     path.write_bytes(content)
 
 
-def _place(content: bytearray, dice: random.Random) -> int:
-    return dice.randrange(len(content) + 1)
+def _offset(content: bytearray, rng: random.Random) -> int:
+    return rng.randrange(len(content) + 1)
 
 
-def _flip(content: bytearray, dice: random.Random) -> bytearray:
+def _flip(content: bytearray, rng: random.Random) -> bytearray:
     if content:
-        content[dice.randrange(len(content))] = dice.randrange(256)
+        content[rng.randrange(len(content))] = rng.randrange(256)
     return content
 
 
-def _cut(content: bytearray, dice: random.Random) -> bytearray:
-    start = _place(content, dice)
-    if dice.random() < 0.5:
+def _cut(content: bytearray, rng: random.Random) -> bytearray:
+    start = _offset(content, rng)
+    if rng.random() < 0.5:
         return content[:start]
-    return content[:start] + content[start + dice.choice((1, 2, 8, 64)) :]
+    return content[:start] + content[start + rng.choice((1, 2, 8, 64)) :]
 
 
-def _repeat(content: bytearray, dice: random.Random) -> bytearray:
-    start = _place(content, dice)
-    piece = content[start : start + dice.choice((1, 8, 200))]
-    return content[:start] + piece * dice.choice((2, 2, 3, 3, 3, 50, 50, 5000)) + content[start:]
+def _repeat(content: bytearray, rng: random.Random) -> bytearray:
+    start = _offset(content, rng)
+    piece = content[start : start + rng.choice((1, 8, 200))]
+    return content[:start] + piece * rng.choice((2, 2, 3, 3, 3, 50, 50, 5000)) + content[start:]
 
 
-def _insert(content: bytearray, dice: random.Random) -> bytearray:
-    start = _place(content, dice)
-    word = dice.choice(_WORDS + _CONTROL)
+def _insert(content: bytearray, rng: random.Random) -> bytearray:
+    start = _offset(content, rng)
+    word = rng.choice(_WORDS + _CONTROL)
     return content[:start] + word.encode() + content[start:]
 
 
-def _zero(content: bytearray, dice: random.Random) -> bytearray:
-    start = _place(content, dice)
-    size = min(dice.choice((1, 16, 512)), len(content) - start)
+def _zero(content: bytearray, rng: random.Random) -> bytearray:
+    start = _offset(content, rng)
+    size = min(rng.choice((1, 16, 512)), len(content) - start)
     return content[:start] + bytes(size) + content[start + size :]
 
 
-def _replace_number(content: bytearray, dice: random.Random) -> bytearray:
-    # In a part, for a file may have grown by a megabyte.
-    first = dice.randrange(max(1, len(content) - _PART))
+def _replace_number(content: bytearray, rng: random.Random) -> bytearray:
+    # Only in a part: a file may have grown by a megabyte.
+    first = rng.randrange(max(1, len(content) - _PART))
     found = list(re.finditer(rb"-?\d+(\.\d*)?([eE][-+]?\d+)?", content[first : first + _PART]))
     if not found:
         return content
-    start, end = (first + place for place in dice.choice(found).span())
-    value = dice.choice(_WORDS) if dice.random() < 0.5 else repr(dice.choice(_numbers(dice)))
+    start, end = (first + place for place in rng.choice(found).span())
+    value = rng.choice(_WORDS) if rng.random() < 0.5 else repr(rng.choice(_numbers(rng)))
     return content[:start] + value.encode() + content[end:]
 
 
-def _numbers(dice: random.Random) -> tuple[float, ...]:
+def _numbers(rng: random.Random) -> tuple[float, ...]:
     return (
         0.0,
         -1.0,
@@ -119,88 +119,88 @@ def _numbers(dice: random.Random) -> tuple[float, ...]:
         -1e6,
         1e9,
         1e15,
-        10.0 ** dice.uniform(-320, 308),
-        dice.uniform(-10, 10),
-        float(dice.randrange(-(10**6), 10**6)),
+        10.0 ** rng.uniform(-320, 308),
+        rng.uniform(-10, 10),
+        float(rng.randrange(-(10**6), 10**6)),
     )
 
 
-def _replace_word(content: bytearray, dice: random.Random) -> bytearray:
+def _replace_word(content: bytearray, rng: random.Random) -> bytearray:
     words = content.split(b" ")
-    words[dice.randrange(len(words))] = bytearray(dice.choice(_WORDS).encode())
+    words[rng.randrange(len(words))] = bytearray(rng.choice(_WORDS).encode())
     return bytearray(b" ".join(words))
 
 
-def _swap_lines(content: bytearray, dice: random.Random) -> bytearray:
+def _swap_lines(content: bytearray, rng: random.Random) -> bytearray:
     lines = content.split(b"\n")
-    one, other = dice.randrange(len(lines)), dice.randrange(len(lines))
+    one, other = rng.randrange(len(lines)), rng.randrange(len(lines))
     lines[one], lines[other] = lines[other], lines[one]
     return bytearray(b"\n".join(lines))
 
 
-def _drop_line(content: bytearray, dice: random.Random) -> bytearray:
+def _drop_line(content: bytearray, rng: random.Random) -> bytearray:
     lines = content.split(b"\n")
-    del lines[dice.randrange(len(lines))]
+    del lines[rng.randrange(len(lines))]
     return bytearray(b"\n".join(lines))
 
 
-def _deepen(content: bytearray, dice: random.Random) -> bytearray:
-    start = _place(content, dice)
-    depth = dice.choice((10, 10, 1000, 1000, 100_000))
-    return content[:start] + dice.choice((b"[", b"{a: ", b"- ", b'{"a":')) * depth + content[start:]
+def _nest(content: bytearray, rng: random.Random) -> bytearray:
+    start = _offset(content, rng)
+    depth = rng.choice((10, 10, 1000, 1000, 100_000))
+    return content[:start] + rng.choice((b"[", b"{a: ", b"- ", b'{"a":')) * depth + content[start:]
 
 
-def _corrupt_arrays(path: Path, dice: random.Random) -> None:
+def _corrupt_arrays(path: Path, rng: random.Random) -> None:
     """Writes an npz file with other shapes, elements or names."""
     with np.load(path) as data:
         arrays = {name: data[name] for name in data.files}
-    for _ in range(dice.choice((1, 1, 2))):
-        name = dice.choice(sorted(arrays))
+    for _ in range(rng.choice((1, 1, 2))):
+        name = rng.choice(sorted(arrays))
         array = arrays[name]
-        way = dice.randrange(9)
-        if way == 0:
+        case = rng.randrange(9)
+        if case == 0:
             del arrays[name]
             if not arrays:
                 break
-        elif way == 1 and array.dtype.kind in "fi" and array.size:
+        elif case == 1 and array.dtype.kind in "fi" and array.size:
             flat = array.astype(float).ravel()
-            flat[dice.randrange(array.size)] = dice.choice((*_numbers(dice), np.nan, np.inf))
+            flat[rng.randrange(array.size)] = rng.choice((*_numbers(rng), np.nan, np.inf))
             arrays[name] = flat.reshape(array.shape)
-        elif way == 2:
-            arrays[name] = array.ravel()[: dice.randrange(array.size + 1)]
-        elif way == 3:
+        elif case == 2:
+            arrays[name] = array.ravel()[: rng.randrange(array.size + 1)]
+        elif case == 3:
             arrays[name] = array[None]
-        elif way == 4:
-            arrays[name] = np.array(dice.choice(("text", "{}", "[[", '{"a": NaN}', "")))
-        elif way == 5:
+        elif case == 4:
+            arrays[name] = np.array(rng.choice(("text", "{}", "[[", '{"a": NaN}', "")))
+        elif case == 5:
             kinds = ("complex128", "bool", "uint8", "float16", "int64", "datetime64[s]", "S4")
-            kind = dice.choice(kinds)
+            kind = rng.choice(kinds)
             arrays[name] = np.zeros(array.shape, dtype=kind)
-        elif way == 6 and array.ndim:
-            arrays[name] = array[: dice.randrange(len(array) + 1)]
-        elif way == 7:
-            arrays[dice.choice(("costs_9", "pending_x", "pending_-1", "samples_0"))] = array
+        elif case == 6 and array.ndim:
+            arrays[name] = array[: rng.randrange(len(array) + 1)]
+        elif case == 7:
+            arrays[rng.choice(("costs_9", "pending_x", "pending_-1", "samples_0"))] = array
         else:
-            arrays[name] = np.zeros((dice.choice((0, 1, 3_000_000)), dice.choice((1, 3))))
-    (np.savez_compressed if dice.random() < 0.7 else np.savez)(path, **arrays)
+            arrays[name] = np.zeros((rng.choice((0, 1, 3_000_000)), rng.choice((1, 3))))
+    (np.savez_compressed if rng.random() < 0.7 else np.savez)(path, **arrays)
 
 
 def try_one(form: Format, seed: str, folder: Path, good: Path | None = None) -> tuple[str, str]:
-    """Corrupts and reads one file; returns what came of it, in a word and in words.
+    """Corrupts and reads one file; returns the outcome in a word, and its details.
 
     Args:
         form: The format.
-        seed: Of how it is corrupted.
-        folder: An empty one, for the file and those beside it.
-        good: A folder in which the format has made its files; left out, they are made anew.
+        seed: Of the corruption.
+        folder: An empty one, for the format's files.
+        good: A folder with the format's intact files; if None, they are made anew.
     """
-    dice = random.Random(seed)
+    rng = random.Random(seed)
     if good is None:
         path = form.make(folder)
     else:
         shutil.copytree(good, folder, dirs_exist_ok=True)
         path = folder / (good.parent / "path").read_text()
-    corrupt(path, dice)
+    corrupt(path, rng)
     try:
         found = meaningless(form.read(path))
     except InputError as error:
@@ -216,8 +216,8 @@ def try_one(form: Format, seed: str, folder: Path, good: Path | None = None) -> 
 
 
 @contextlib.contextmanager
-def _made_once(form: Format) -> Iterator[Path]:
-    """Makes a format's files, for `try_one` to copy."""
+def _made_files(form: Format) -> Iterator[Path]:
+    """Makes a format's files once, for `try_one` to copy."""
     with tempfile.TemporaryDirectory() as folder:
         good = Path(folder) / "good"
         good.mkdir()
@@ -229,14 +229,14 @@ def _work(form: Format, seed: str, numbers: range, channel: Connection) -> None:
     with open("/proc/self/statm") as statm:
         used = int(statm.read().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    with _made_once(form) as good:
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 2)
+    with _made_files(form) as good:
         for number in numbers:
             channel.send((number, "begins", ""))
             with tempfile.TemporaryDirectory() as folder:
                 began = time.process_time()
-                # Whatever does not come back is ended, which shows as exit code -24.
+                # A reader that hangs is ended by the limit, with exit code -24.
                 soft = int(began + 2.0 * LONGEST) + 1
                 resource.setrlimit(resource.RLIMIT_CPU, (soft, resource.RLIM_INFINITY))
                 outcome, words = try_one(form, f"{seed} {number}", Path(folder), good)
@@ -246,9 +246,9 @@ def _work(form: Format, seed: str, numbers: range, channel: Connection) -> None:
 
 
 def fuzz(name: str, form: Format, count: int, seed: int) -> collections.Counter[str]:
-    """Reads corrupted files of a format; returns how often what came of it."""
+    """Reads corrupted files of a format; returns the counts of the outcomes."""
     outcomes: collections.Counter[str] = collections.Counter()
-    # A fork has all libraries loaded, so that one that ends is soon replaced.
+    # A fork has all libraries loaded, so a crashed process is soon replaced.
     context = multiprocessing.get_context("fork")
     number = 0
     while number < count:
@@ -259,7 +259,7 @@ def fuzz(name: str, form: Format, count: int, seed: int) -> collections.Counter[
         there.close()
         reading = -1
         try:
-            while here.poll(_PATIENCE):
+            while here.poll(_TIMEOUT):
                 number, outcome, words = here.recv()
                 if outcome == "begins":
                     reading = number
@@ -297,7 +297,7 @@ def main() -> int:
     parser.add_argument("--only", type=int, help="one of them, here")
     options = parser.parse_args()
     logging.disable(logging.CRITICAL)
-    cv2.setNumThreads(0)  # Threads would not come along into a forked process.
+    cv2.setNumThreads(0)  # Threads do not survive a fork.
     known = formats()
     names = options.formats or list(known)
     for name in names:

@@ -1,11 +1,11 @@
-"""Gives corrupted files to the apps that read them, and tells what came of it.
+"""Fuzzes the apps with corrupted input files.
 
   fuzz_apps.py                         five corrupted files of each format
   fuzz_apps.py scene log --count 20    of these formats
 
-What `fuzz.py` does with the readers alone, with whole apps. An app must refuse the file, with exit
-code 2 and one line that names it, or work; one that still works after 20 s is ended by SIGTERM, and
-must end in order. Exit code 1 at a finding.
+As `fuzz.py` for the readers alone, for whole apps: an app must refuse the file, with exit code 2
+and one line that names it, or work; one that still works after 20 s is ended by SIGTERM, and must
+end in order. Exit code 1 at a finding.
 """
 
 import argparse
@@ -28,8 +28,8 @@ from kills import lines_of, start, wait
 from pepper_drake import cli
 from pepper_drake.__main__ import load_app
 
-_LONGEST, _PATIENCE = 20.0, 120.0
-"""Longest times that an app may work, and may then take to end [s]."""
+_LONGEST, _TIMEOUT = 20.0, 120.0
+"""Timeouts of an app's work, and of its end after SIGTERM [s]."""
 
 _DEMONSTRATION = str(ROOT / "pepper_drake/models/demonstrations/reach")
 
@@ -39,10 +39,10 @@ class Door(NamedTuple):
 
     Attributes:
         app: Its name.
-        words: Its options, in which {0} is the file, {1} its folder, {2} the folder of that, and so
-            on, {camera} and {depth} good files of a camera and a depth image.
-        output: The folder for results in the same terms; another one if empty.
-        place: Where in that folder the app looks for the file; where it is if empty.
+        words: Its options, with {0} for the file, {1} for its folder, {2} for that one's folder,
+            and so on, {camera} and {depth} for intact files of a camera and a depth image.
+        output: The output folder in the same terms; a new one if empty.
+        place: Path in that folder at which the app expects the file; if empty, it is not moved.
     """
 
     app: str
@@ -57,7 +57,7 @@ image_height: 24
 camera_matrix: {rows: 3, cols: 3, data: [30.0, 0.0, 15.5, 0.0, 30.0, 11.5, 0.0, 0.0, 1.0]}
 distortion_coefficients: []
 """
-"""The camera of the images in `fuzz_formats_perception.py`; its cameras are of 640x480 pixels."""
+"""Camera of the images in `fuzz_formats_perception.py`; its camera files are of 640x480 pixels."""
 
 _SCENE = Door("reach", "--scene {0} --no-recording --set station.cameras=false")
 _PLAY = Door("play", "{1} --html page.html")
@@ -111,13 +111,13 @@ DOORS: dict[str, Door] = {
     "recording_lerobot": Door("import", "{3}"),
     "recording_lerobot_info": Door("import", "{2}"),
 }
-"""The doors of the formats that are not clouds, images, cameras or recordings."""
+"""Apps of the formats other than clouds, images, cameras and recordings."""
 
 NO_APP = (
     "mesh_alone", "rhythmic", "bimanual", "stereo", "floor_map", "reach_report",
 )  # fmt: skip
-"""Formats that no app takes from a user's hand: they are read by the Python API, by other readers
-or by the run that wrote them."""
+"""Formats that no app takes from a user: only the Python API, other readers, or the run that wrote
+them, read them."""
 
 
 def door_of(name: str) -> Door:
@@ -133,7 +133,7 @@ def door_of(name: str) -> Door:
 
 
 def try_app(name: str, number: int, seed: int, folder: Path) -> str:
-    """Corrupts a file and gives it to its app; returns what came of it, in a word and a line."""
+    """Runs an app on a corrupted file; returns the outcome in a word and a line."""
     known = formats()
     door = door_of(name)
     data, results = folder / "data", folder / "results"
@@ -154,10 +154,10 @@ def try_app(name: str, number: int, seed: int, folder: Path) -> str:
     code = wait(process, _LONGEST)
     if code is None:
         os.kill(process, signal.SIGTERM)
-        code = wait(process, _PATIENCE)
+        code = wait(process, _TIMEOUT)
         if code is None:
             os.kill(process, signal.SIGKILL)
-            wait(process, _PATIENCE)
+            wait(process, _TIMEOUT)
     lines = lines_of(errors)
     told = lines[-1] if lines else ""
     names = {file.name for file in data.rglob("*")} | {path.name}

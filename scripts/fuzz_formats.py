@@ -1,4 +1,4 @@
-"""The formats that `fuzz.py` corrupts: how a good file of each is made, and how one is read."""
+"""The formats that `fuzz.py` corrupts: writers of an intact file of each, and readers."""
 
 import dataclasses
 import importlib.util
@@ -28,19 +28,19 @@ held: [RWristYaw offset]
 
 
 _LARGEST = 1e12
-"""Nothing in SI units is larger, nor a time in seconds since 1970."""
+"""Upper bound of quantities in SI units, and of times in seconds since 1970."""
 
 _UNKNOWN = ("target", "mean_costs")
-"""Numbers that may be unknown or without bound."""
+"""Fields that may be unknown (NaN) or infinite."""
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format: how a good file is made, and how one is read.
+    """A file format.
 
     Attributes:
-        make: Writes good files into a folder, and returns which one is corrupted.
-        read: Reads what is in the folder.
+        make: Writes intact files into a folder, and returns the one to corrupt.
+        read: Reads the files in the folder.
     """
 
     make: Callable[[Path], Path]
@@ -48,12 +48,12 @@ class Format:
 
 
 def meaningless(value: object, name: str = "it", depth: int = 0) -> str:
-    """Returns which number of what was read is none that a robot's world has; "" if all are.
+    """Names the first number that is not finite or too large for a robot; "" if there is none.
 
     Args:
         value: Anything that a format reads: dataclasses, collections, arrays, numbers.
-        name: Where it comes from.
-        depth: How far inside; what is deeper than any of our files is left alone.
+        name: Name of the value.
+        depth: Depth of nesting; values deeper than any of our files are not checked.
     """
     if depth > 8 or isinstance(value, str | bytes | bool | Path):
         return ""
@@ -213,7 +213,7 @@ def formats() -> dict[str, Format]:
 
 
 def _result_formats() -> dict[str, Format]:
-    """Results that runs leave and others read, as JSON."""
+    """Results of runs, as JSON."""
     from pepper_drake.benchmarking.baseline import HIGHER, LOWER, Baseline, Metric
     from pepper_drake.evaluation.fault_table import FaultCase, fault_result, load_results
     from pepper_drake.results.reach_report import ReachReport
@@ -244,7 +244,7 @@ def _result_formats() -> dict[str, Format]:
 
 
 def _taught_formats() -> dict[str, Format]:
-    """Sessions, tasks, joint primitives, recordings that were interrupted."""
+    """Sessions, tasks, joint primitives, interrupted recordings."""
     from pepper_drake.learning import Demonstration, JointPrimitive
     from pepper_drake.learning.demonstrations.arm_chain import arm_chain
     from pepper_drake.learning.demonstrations.recording import _POSE, PARTIAL, read_partial

@@ -18,7 +18,7 @@ FLAGS = (
 
 
 def launch(playwright: Playwright) -> Browser:
-    """Starts a browser that draws without a graphics card."""
+    """Starts a browser that renders without a graphics card."""
     assert CHROMIUM, "there is no browser: apt-get install chromium, as make test does"
     return playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
 
@@ -28,7 +28,7 @@ def photograph_playback(page: Path, seconds: float, picture: Path) -> None:
 
     Args:
         page: The page's file.
-        seconds: From the start of what is played.
+        seconds: Time from the start of the playback.
         picture: File to write.
     """
     with sync_playwright() as playwright:
@@ -40,6 +40,6 @@ def photograph_playback(page: Path, seconds: float, picture: Path) -> None:
         view.keyboard.press("Home")
         frame = round(seconds * FRAME_RATE)
         slider.evaluate(f"(it) => {{ it.value = {frame}; it.oninput(); }}")
-        view.wait_for_timeout(1000)  # Until it is drawn.
+        view.wait_for_timeout(1000)  # For drawing.
         view.screenshot(path=picture)
         browser.close()

@@ -1,15 +1,15 @@
-"""Sends hostile messages to the page of an app, from many connections at once.
+"""Sends hostile messages to the page of an app, over many connections at once.
 
   hostile.py teach                     100,000 messages to the teaching page
   hostile.py reach --count 20000       to the page of reach.py --live
   hostile.py play                      to the window that play.py leaves open
   hostile.py record                    to the page of a recording of ten minutes
 
-Random bytes, messages of the pages with numbers and names that make no sense, damaged ones, long
-ones, and requests that are no HTTP or never end. Websites and tokens of others must be refused. The
-app must go on serving the page meanwhile, keep its memory (or let it grow as it does without a
-message, while it records), and end in order; whatever it recorded of the arm must be within the
-joints' limits. Exit code 1 if not.
+Messages are random bytes, messages of the pages with invalid numbers and names, damaged ones and
+long ones; requests are not HTTP or never end. Foreign origins and hosts must be refused. The app
+must keep serving the page and keep its memory (while it records, let it grow only as without an
+attack), and exit cleanly; joints in its recordings must be within their limits. Exit code 1
+otherwise.
 """
 
 import argparse
@@ -53,30 +53,30 @@ RUNS = {
     "perceive": ("--live",),
     "reproduce": ("--live", "--primitive", _LONG),
 }
-"""Options of the apps. A long movement is made for those that end when their movement is over."""
-_CALM = {"record": 30.0, "reproduce": 30.0}
-"""Apps that record as long as they show anything, and for how long they are first watched without
-an attack [s]: by what their memory grows then, it may grow afterwards."""
+"""Options of the apps. Those that end with their movement get a long one."""
+_SETTLING = {"record": 30.0, "reproduce": 30.0}
+"""Apps that record while they show anything, and the time for which they are first watched without
+an attack [s]: their memory may then grow at the same rate."""
 _DONE = {"reach": "Press Ctrl-C"}
-"""Words that an app prints when its work is done. Until then it records, and its memory grows by
-that; it is attacked all the same, but the messages and the memory are counted from then on."""
+"""Text that an app prints when its work is done. Until then its recording lets the memory grow: the
+attack runs, but messages and memory only count afterwards."""
 _CONNECTIONS = 24
 _STARTING = 180.0
-"""Longest time that an app may take to show its page [s]."""
-_MORE = 0.05
-"""Share by which the memory may grow after the first half of the messages."""
-_BEYOND_LIMITS = 1e-3
-"""Distance by which a recorded joint may pass its limit: the error of the control [rad]."""
+"""Timeout until an app shows its page [s]."""
+_MEMORY_GROWTH = 0.05
+"""Allowed relative growth of the memory in the second half of the messages."""
+_OVERSHOOT = 1e-3
+"""Allowed overshoot of a recorded joint over its limit: the control error [rad]."""
 
 
-def make_message(dice: random.Random, names: list[str]) -> bytes:
-    """Returns a message that no page of ours sends, or one that leads too far."""
-    number = dice.choice((struct.unpack("d", dice.randbytes(8))[0], 1e300, -1e9, 1e3, 0.1))
-    chance = dice.random()
+def make_message(rng: random.Random, names: list[str]) -> bytes:
+    """Returns a message that none of our pages sends, or one with extreme values."""
+    number = rng.choice((struct.unpack("d", rng.randbytes(8))[0], 1e300, -1e9, 1e3, 0.1))
+    chance = rng.random()
     if chance < 0.1:
-        return dice.randbytes(dice.choice((0, 1, 20, 60, 3000)))
-    name = dice.choice([*names, "", "/hand", "x" * 300, "Record (R)", "../../etc/passwd"])
-    vector = [number, dice.choice((number, 0.1)), -0.2]
+        return rng.randbytes(rng.choice((0, 1, 20, 60, 3000)))
+    name = rng.choice([*names, "", "/hand", "x" * 300, "Record (R)", "../../etc/passwd"])
+    vector = [number, rng.choice((number, 0.1)), -0.2]
     messages: list[dict[str, Any]] = [
         {"type": "GuiUpdateMessage", "uuid": name, "updates": {"value": number}},
         {"type": "GuiUpdateMessage", "uuid": name, "updates": {"value": True}},
@@ -99,15 +99,15 @@ def make_message(dice: random.Random, names: list[str]) -> bytes:
         },
         {"type": "camera_pose", "camera_pose": [number] * 16, "is_perspective": True},
     ]
-    data = bytearray(msgpack.packb(dice.choice(messages)))
+    data = bytearray(msgpack.packb(rng.choice(messages)))
     if chance < 0.25:
-        for _ in range(dice.randrange(1, 4)):
-            data[dice.randrange(len(data))] = dice.randrange(256)
+        for _ in range(rng.randrange(1, 4)):
+            data[rng.randrange(len(data))] = rng.randrange(256)
     return bytes(data)
 
 
 class Attack:
-    """Messages sent, and their reception."""
+    """An attack on a page, with the memory and the number of messages in its course."""
 
     def __init__(
         self,
@@ -116,88 +116,88 @@ class Attack:
         seed: int,
         process: int,
         is_done: Callable[[], bool],
-        calm: float,
+        settling: float,
     ) -> None:
         self._url, self._count, self._process = url, count, process
-        self._is_done, self._counts = is_done, False
-        self._calm = calm
+        self._is_done, self._is_counting = is_done, False
+        self._settling = settling
         self.memory: list[float] = []
         self._times: list[float] = []
         self.growth = 0.0
-        self._dice, self._names = random.Random(seed), ["Stop (Space)"]
+        self._rng, self._names = random.Random(seed), ["Stop (Space)"]
         self.before = self.sent = self.closed = 0
 
     async def connect(self, **headers: str) -> Any:
         """Opens the page's websocket, as a browser does."""
         import viser
 
-        # Beside the files of meshcat's own server, which are in a folder.
+        # Meshcat's own server has its files in a folder beside the websocket.
         url = self._url.replace("http:", "ws:").replace("/static/", "/")
         request = HTTPRequest(url, headers=headers)
         return await websocket_connect(request, subprotocols=[f"viser-v{viser.__version__}"])
 
-    def _goes_on(self) -> bool:
-        return self._wants_more() and running(self._process)
+    def _is_active(self) -> bool:
+        return self._has_messages() and running(self._process)
 
-    def _wants_more(self) -> bool:
-        return not self._counts or self.sent < self._count
+    def _has_messages(self) -> bool:
+        return not self._is_counting or self.sent < self._count
 
     async def watch(self) -> None:
-        """Notes the memory at each tenth of the messages that count."""
-        while not self._counts and running(self._process):
+        """Records the memory at each tenth of the counted messages."""
+        while not self._is_counting and running(self._process):
             await asyncio.sleep(0.2)
-            self._counts = self._is_done()
-        while self._goes_on():
+            self._is_counting = self._is_done()
+        while self._is_active():
             if self.sent >= (len(self.memory) + 1) * self._count // 10:
-                self._note()
+                self._record_memory()
                 print(f"{self.sent} messages, {self.memory[-1]:.0f} MiB", flush=True)
             await asyncio.sleep(0.2)
-        self._note()
+        self._record_memory()
 
-    def _note(self) -> None:
+    def _record_memory(self) -> None:
         self.memory.append(memory(self._process))
         self._times.append(time.monotonic())
 
     async def look_on(self) -> None:
-        """Looks on without a message, and notes how the memory grows [MiB/s] in the second half."""
+        """Measures the memory's growth without messages [MiB/s], after a settling time."""
         page = await self.connect()
         reading = asyncio.ensure_future(self._listen(page))
-        await asyncio.sleep(0.5 * self._calm)
+        await asyncio.sleep(0.5 * self._settling)
         before, began = memory(self._process), time.monotonic()
-        await asyncio.sleep(0.5 * self._calm)
+        await asyncio.sleep(0.5 * self._settling)
         self.growth = max(0.0, memory(self._process) - before) / (time.monotonic() - began)
         page.close()
         await reading
 
     def _grew(self) -> bool:
-        """Tells whether the memory grew in the second half of the messages, but for a recording."""
+        """Returns whether the memory grew in the second half by more than a recording needs."""
         middle = len(self.memory) // 2 - 1
         recorded = self.growth * (self._times[-1] - self._times[middle])
-        return self.memory[-1] > (1.0 + _MORE) * self.memory[middle] + recorded
+        return self.memory[-1] > (1.0 + _MEMORY_GROWTH) * self.memory[middle] + recorded
 
     async def send(self) -> None:
-        """Sends messages until all are sent, over one connection after the other."""
-        while self._goes_on():
+        """Sends messages over successive connections until all are sent."""
+        while self._is_active():
             try:
                 socket = await self.connect()
-            except Exception:  # Whatever tells that there is no room at the moment.
+            except Exception:  # No connection is free at the moment.
                 await asyncio.sleep(0.1)
                 continue
             gone = asyncio.ensure_future(self._listen(socket))
-            while self._wants_more() and not gone.done():
+            while self._has_messages() and not gone.done():
                 try:
-                    await socket.write_message(make_message(self._dice, self._names), binary=True)
+                    await socket.write_message(make_message(self._rng, self._names), binary=True)
                 except WebSocketClosedError:
                     break
-                self.sent += self._counts
-                self.before += not self._counts
+                self.sent += self._is_counting
+                self.before += not self._is_counting
                 await asyncio.sleep(0.001)
             self.closed += gone.done()
             socket.close()
             await gone
 
     async def _listen(self, socket: Any) -> None:
-        """Reads what the page is told, to learn the names of its controls."""
+        """Reads the server's messages, for the names of the page's controls."""
         while (data := await socket.read_message()) is not None:
             if len(self._names) < 200 and isinstance(data, bytes):
                 self._names += re.findall(
@@ -205,29 +205,29 @@ class Attack:
                 )
 
     async def dawdle(self) -> None:
-        """Opens connections that say nothing sensible, or never come to an end."""
+        """Opens connections with incomplete or invalid requests, and delays their end."""
         host, port = re.findall(r"//([^:/]+):(\d+)", self._url)[0]
-        while self._goes_on():
+        while self._is_active():
             try:
                 _, writer = await asyncio.open_connection(host, int(port))
-                start = self._dice.choice(
+                start = self._rng.choice(
                     (b"GET / HTTP/1.1\r\nX: ", b"POST / HTTP/1.1\r\n", b"\x16")
                 )
-                writer.write(start + self._dice.randbytes(self._dice.choice((1, 100, 40_000))))
-                await asyncio.sleep(self._dice.uniform(0.0, 3.0))
+                writer.write(start + self._rng.randbytes(self._rng.choice((1, 100, 40_000))))
+                await asyncio.sleep(self._rng.uniform(0.0, 3.0))
                 writer.close()
             except OSError:
                 await asyncio.sleep(0.1)
 
     async def run(self) -> list[str]:
-        """Attacks; returns what was wrong."""
+        """Runs the attack; returns the findings."""
         wrong = []
         fetch = AsyncHTTPClient().fetch
         for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
             answer = await fetch(self._url, headers=headers, raise_error=False)
             if answer.code != 403:
                 wrong.append(f"{headers} is answered with {answer.code}")
-        if self._calm:
+        if self._settling:
             await self.look_on()
         workers = [self.send() for _ in range(_CONNECTIONS)]
         await asyncio.gather(*workers, *(self.dawdle() for _ in range(8)), self.watch())
@@ -242,7 +242,7 @@ class Attack:
 
 
 def memory(process: int) -> float:
-    """Memory of a process and of all that it started [MiB]."""
+    """Returns the memory of a process and its descendants [MiB]."""
     pages = 0
     for one in family(process):
         try:
@@ -253,7 +253,7 @@ def memory(process: int) -> float:
 
 
 def server_of(url: str) -> int:
-    """The process of the meshcat server that takes commands at an address."""
+    """Returns the process of the meshcat server with a command address."""
     for entry in Path("/proc").glob("[0-9]*/cmdline"):
         try:
             words = entry.read_bytes().split(b"\0")
@@ -265,28 +265,28 @@ def server_of(url: str) -> int:
 
 
 def joints_beyond(folder: Path) -> Iterator[str]:
-    """Yields which joints in demonstrations and runs below a folder are beyond their limits."""
+    """Yields joints beyond their limits in the demonstrations and runs below a folder."""
     limits = joint_limits()
     for file in (*folder.rglob("joints.csv"), *folder.rglob("log.npz")):
         for name, column in load_motion(file.parent).positions.items():
             lower, upper = limits.get(name, (-np.inf, np.inf))
-            if column.min() < lower - _BEYOND_LIMITS or column.max() > upper + _BEYOND_LIMITS:
+            if column.min() < lower - _OVERSHOOT or column.max() > upper + _OVERSHOOT:
                 yield f"{file}: {name} goes from {column.min():.3f} to {column.max():.3f} rad"
 
 
 def write_long(app: str, path: Path) -> None:
-    """Writes a movement that takes as long as may be, for an app that ends with its movement."""
+    """Writes a movement of the longest duration, for an app that ends with its movement."""
     if app == "reproduce":
         primitive = MovementPrimitive.fit(Demonstration.load(_DEMONSTRATION), num_basis=20)
         primitive.save(path)
         text = path.read_text()
         slow = re.sub("^duration: .*$", f"duration: {LONGEST:g}", text, flags=re.MULTILINE)
         path.write_text(slow)
-    else:  # There and back, again and again.
+    else:  # Back and forth repeatedly.
         guide = load_guide("reach")
         there = guide.via_points
-        ways = itertools.cycle((there, there[::-1]))
-        poses = itertools.chain.from_iterable(ways)
+        passes = itertools.cycle((there, there[::-1]))
+        poses = itertools.chain.from_iterable(passes)
         times = np.arange(1.0, LONGEST)
         guide.via_points = [
             ViaPoint(float(time), pose.position, pose.rpy)
@@ -304,7 +304,7 @@ def start(
         The app, its page's address, and the files of its output and its errors.
     """
     output, errors = folder / "output", folder / "errors"
-    # Into files: nobody reads while it is attacked, and a full pipe would stop the app.
+    # Files, not pipes: nothing reads during the attack, and a full pipe would block the app.
     with output.open("w") as output_file, errors.open("w") as error_file:
         process = start_app(
             app, folder / "results", *options, stdout=output_file, stderr=error_file
@@ -340,7 +340,7 @@ def main() -> int:
                 arguments += (f"tcp://127.0.0.1:{free.getsockname()[1]}",)
         process, url, output, error_file = start(options.app, Path(folder), arguments)
         attacked = process.pid
-        if options.app == "play":  # Its window stays when it has ended.
+        if options.app == "play":  # Its window stays after its exit.
             process.wait(_STARTING)
             attacked = server_of(arguments[-1])
         began = time.monotonic()
@@ -351,7 +351,7 @@ def main() -> int:
             options.seed,
             attacked,
             lambda: done in output.read_text(),
-            _CALM.get(options.app, 0.0),
+            _SETTLING.get(options.app, 0.0),
         )
         try:
             wrong = asyncio.run(attack.run())

@@ -1,8 +1,8 @@
-"""Send frames that mean harm to a served robot, while another client goes on calling it.
+"""Send malformed frames to a served robot, while another client calls it.
 
-Frames are random, truncated, oversized, or come byte by byte. Each breaks off its own connection
-at most. The script prints how the other client's calls went and how the server's memory grew, and
-ends with 1 if a call failed or the memory grew by more than a tenth.
+Frames are random, truncated, oversized, or sent byte by byte. Each may break its own connection
+only. The script prints the latencies of the other client's calls and the server's memory, and
+exits with 1 if a call failed or the memory grew by more than a tenth.
 
     python apps/serve_naoqi.py --scene free &
     python scripts/hostile_frames.py --process $! --frames 100000
@@ -23,9 +23,9 @@ from pepper_drake.naoqi.wire import HEADER, Message, MessageType, decode, encode
 _CAPABILITIES = encode("{sm}", {"ClientServerSocket": True, "MessageFlags": True})
 _ACTIONS = (0, 1, 2, 3, 5, 6, 7, 8, 80, 81, 82, 100, 101, 102, 104, 115, 130, 9999)
 _BURST = 50
-"""Frames of a connection, unless the server ends it before."""
-_MORE = 0.1
-"""Share by which the memory may grow."""
+"""Frames per connection, unless the server closes it before."""
+_MEMORY_GROWTH = 0.1
+"""Allowed relative growth of the memory."""
 
 
 def main() -> int:
@@ -36,7 +36,7 @@ def main() -> int:
     parser.add_argument("--process", type=int, help="process of the server, to see its memory")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    logging.getLogger("asyncio").setLevel(logging.ERROR)  # It tells of every connection that ends.
+    logging.getLogger("asyncio").setLevel(logging.ERROR)  # It logs every closed connection.
     return asyncio.run(_run(options))
 
 
@@ -44,7 +44,7 @@ async def _run(options: argparse.Namespace) -> int:
     rng = random.Random(options.seed)
     await _attack(
         options.port, rng, options.frames // 10
-    )  # Caches fill before memory is looked at.
+    )  # Fills caches before the first measurement.
     before = _memory(options.process)
     stop = asyncio.Event()
     calls = asyncio.create_task(_bystander(options.port, stop))
@@ -63,11 +63,11 @@ async def _run(options: argparse.Namespace) -> int:
           f"99th percentile {late:.1f} ms")  # fmt: skip
     if before:
         print(f"memory of the server: {before:.0f} MB before, {after:.0f} MB after")
-    return int(failed > 0 or after > before * (1.0 + _MORE))
+    return int(failed > 0 or after > before * (1.0 + _MEMORY_GROWTH))
 
 
 def _memory(process: int | None) -> float:
-    """Returns what a process has in memory [MB]; 0 if it is not known."""
+    """Returns the resident memory of a process [MB]; 0 if it is not known."""
     if process is None:
         return 0.0
     for line in Path(f"/proc/{process}/status").read_text().splitlines():
@@ -77,7 +77,7 @@ def _memory(process: int | None) -> float:
 
 
 async def _attack(port: int, rng: random.Random, frames: int) -> int:
-    """Sends frames over one connection after the other; returns how many."""
+    """Sends frames over successive connections; returns their number."""
     sent = 0
     while sent < frames:
         try:
@@ -85,13 +85,13 @@ async def _attack(port: int, rng: random.Random, frames: int) -> int:
         except OSError:
             await asyncio.sleep(0.05)
             continue
-        drain = asyncio.create_task(_swallow(reader))
+        drain = asyncio.create_task(_discard(reader))
         try:
             if rng.random() < 0.8:
                 writer.write(_hello())
             for _ in range(_BURST):
                 if drain.done() or sent == frames:
-                    break  # The server has ended this connection.
+                    break  # The server has closed this connection.
                 writer.write(_frame(rng))
                 sent += 1
                 await asyncio.sleep(0.0005)
@@ -104,7 +104,7 @@ async def _attack(port: int, rng: random.Random, frames: int) -> int:
     return sent
 
 
-async def _swallow(reader: asyncio.StreamReader) -> None:
+async def _discard(reader: asyncio.StreamReader) -> None:
     try:
         while await reader.read(65536):
             pass
@@ -113,7 +113,7 @@ async def _swallow(reader: asyncio.StreamReader) -> None:
 
 
 async def _trickle(port: int, stop: asyncio.Event) -> None:
-    """Sends a frame byte by byte."""
+    """Sends frames byte by byte."""
     while not stop.is_set():
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         try:
@@ -158,7 +158,7 @@ def _frame(rng: random.Random) -> bytes:
 
 
 async def _bystander(port: int, stop: asyncio.Event) -> tuple[list[float], int]:
-    """Calls the directory all the time; returns how long calls took [s] and how many failed."""
+    """Calls the directory repeatedly; returns the latencies [s] and the number of failures."""
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     latencies, failed = [], 0
 

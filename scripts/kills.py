@@ -1,13 +1,13 @@
-"""Ends apps at random moments, and tells whether all that they leave is whole.
+"""Kills apps at random moments, and checks that all their files are complete.
 
   kills.py                          50 moments of every app that writes
   kills.py reach optimize --moments 10
 
-Every other end is by SIGKILL, the others by SIGTERM. All runs of an app write into one folder,
-one after the other, each a fork of a process that has imported the app: until then there is nothing
+Every other end is by SIGKILL, the others by SIGTERM. All runs of an app write into one folder, one
+after the other, each in a fork of a process that has imported the app: before that there is nothing
 to lose. After each, every file there must be readable, and no process of the run may be left; after
-SIGTERM the app must have ended within 30 s, with two lines at most and exit code 0 or 130. The
-first and the last run are left alone: both must do their work, and leave the same. Exit code 1 at a
+SIGTERM the app must have ended within 30 s, with at most two lines and exit code 0 or 130. The
+first and the last run are not killed: both must succeed, with the same files. Exit code 1 at a
 finding.
 """
 
@@ -58,21 +58,21 @@ APPS: dict[str, tuple[str, ...]] = {
     "serve_naoqi": ("--port", "0"),
     "preflight": ("--measure", "--disable-life", "--robot"),
 }
-"""Options with which an app is quick; those of pages end only by the signal. `--robot` at their end
-takes the address of a robot that is served meanwhile."""
+"""Options for quick runs; apps with pages end only by the signal. A final `--robot` gets the
+address of a robot that is served meanwhile."""
 
 _ENDLESS = {"teach": 20.0, "serve_naoqi": 20.0}
-"""Apps that go on until they are ended, and how long they are let [s]."""
+"""Apps that run until they are ended, and the time that they get [s]."""
 
 _INTERRUPTED = (0, 130)
-_PATIENCE = 30.0
+_TIMEOUT = 30.0
 _LONGEST = 600.0
-_OTHERS = 5.0
-"""Longest time for which the processes of an app may go on after it [s]."""
+_CHILDREN_TIMEOUT = 5.0
+"""Timeout of an app's child processes after its end [s]."""
 
 
 def broken(folder: Path) -> list[str]:
-    """Returns the files below a folder that cannot be read; recovers what was recorded."""
+    """Returns the files below a folder that cannot be read; recovers an interrupted recording."""
     found = []
     if (folder / PARTIAL).exists():
         try:
@@ -83,7 +83,7 @@ def broken(folder: Path) -> list[str]:
             (folder / PARTIAL).unlink()
     for path in sorted(folder.rglob("*")):
         if not path.is_file() or ".unfinished-" in str(path):
-            continue  # What was being written is in a folder of that name until it is whole.
+            continue  # Incomplete results are in a folder of this name.
         try:
             if path.suffix == ".json":
                 json.loads(path.read_text())
@@ -104,7 +104,7 @@ def start(app: str, folder: Path, options: tuple[str, ...]) -> tuple[int, Path]:
     """Starts an app in a fork of this process, which has imported it.
 
     Returns:
-        The process, and the file of its errors.
+        The process, and the file of its standard error.
     """
     errors = folder.with_suffix(".errors")
     process = os.fork()
@@ -127,7 +127,7 @@ def start(app: str, folder: Path, options: tuple[str, ...]) -> tuple[int, Path]:
 
 
 def wait(process: int, seconds: float) -> int | None:
-    """Waits for a process; returns its exit code, or minus its signal; None if it goes on."""
+    """Waits for a process; returns its exit code, or minus its signal; None at the timeout."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         ended, status = os.waitpid(process, os.WNOHANG)
@@ -140,33 +140,33 @@ def wait(process: int, seconds: float) -> int | None:
 def whole_run(
     app: str, folder: Path, options: tuple[str, ...]
 ) -> tuple[int | None, set[str], list[str]]:
-    """Lets an app do its work; returns its exit code, the names of what it left, and its errors."""
+    """Runs an app to its end; returns its exit code, its files' names, and its error lines."""
     process, errors = start(app, folder, options)
     code = wait(process, _ENDLESS.get(app, _LONGEST))
     if code is None:
         os.kill(process, signal.SIGTERM)
-        code = wait(process, _PATIENCE)
+        code = wait(process, _TIMEOUT)
     names = {entry.name for entry in folder.iterdir()} if folder.exists() else set()
     return code, names, lines_of(errors)
 
 
 def lines_of(errors: Path) -> list[str]:
-    """Returns the lines that an app wrote as errors."""
+    """Returns the lines of an app's standard error."""
     return errors.read_text().strip().splitlines() if errors.exists() else []
 
 
 def end_once(process: int, errors: Path, after: float, number: int) -> str:
-    """Ends an app; returns what was wrong with how it ended."""
+    """Sends an app a signal after some time; returns the finding, or ""."""
     if wait(process, after) is not None:
         return ""
     others = family(process) - {process}
     os.kill(process, number)
-    code = wait(process, _PATIENCE)
+    code = wait(process, _TIMEOUT)
     if code is None:
         os.kill(process, signal.SIGKILL)
-        wait(process, _PATIENCE)
-        return f"did not end within {_PATIENCE:g} s"
-    end = time.monotonic() + _OTHERS
+        wait(process, _TIMEOUT)
+        return f"did not end within {_TIMEOUT:g} s"
+    end = time.monotonic() + _CHILDREN_TIMEOUT
     while (left := [one for one in others if running(one)]) and time.monotonic() < end:
         time.sleep(0.05)
     if left:
@@ -178,7 +178,7 @@ def end_once(process: int, errors: Path, after: float, number: int) -> str:
 
 
 def command_line(process: int) -> str:
-    """Returns the words with which a process was started, or that it has gone meanwhile."""
+    """Returns the command line of a process, or a note that it has ended."""
     try:
         return Path(f"/proc/{process}/cmdline").read_bytes().replace(b"\0", b" ").decode()
     except OSError:
@@ -187,20 +187,20 @@ def command_line(process: int) -> str:
 
 @contextlib.contextmanager
 def served_robot(folder: Path) -> Iterator[str]:
-    """Serves a simulated robot, and gives its address."""
+    """Serves a simulated robot, and yields its address."""
     process = start_app("serve_naoqi", folder, "--port", "0", stdout=subprocess.PIPE, stderr=None)
     try:
         assert process.stdout is not None
         yield re.findall(r"served at ([^ ,]+)", process.stdout.readline())[0]
     finally:
         process.terminate()
-        process.wait(_PATIENCE)
+        process.wait(_TIMEOUT)
 
 
 def try_app(
-    app: str, options: tuple[str, ...], moments: int, dice: random.Random, folder: Path
+    app: str, options: tuple[str, ...], moments: int, rng: random.Random, folder: Path
 ) -> int:
-    """Ends an app at random moments; returns the number of findings."""
+    """Kills an app at random moments; returns the number of findings."""
     load_app(app)
     began = time.monotonic()
     code, left, lines = whole_run(app, folder, options)
@@ -210,7 +210,7 @@ def try_app(
     duration, findings = time.monotonic() - began, 0
     for moment in range(moments):
         number = signal.SIGKILL if moment % 2 else signal.SIGTERM
-        after = dice.uniform(0.0, 1.0) * duration
+        after = rng.uniform(0.0, 1.0) * duration
         wrong = end_once(*start(app, folder, options), after, number)
         for words in (*broken(folder), *([wrong] if wrong else [])):
             findings += 1
@@ -228,14 +228,14 @@ def try_app(
 
 
 def _try_apart(app: str, moments: int, seed: int) -> None:
-    """Ends an app at random moments in a process that has imported no other; exits with 1."""
+    """Tests an app in a process that has imported no other; exits with 1 at a finding."""
     with tempfile.TemporaryDirectory() as folder:
-        results, dice = Path(folder) / "results", random.Random(f"{seed} {app}")
+        results, rng = Path(folder) / "results", random.Random(f"{seed} {app}")
         if APPS[app][-1:] == ("--robot",):
             with served_robot(Path(folder) / "robot") as address:
-                findings = try_app(app, (*APPS[app], address), moments, dice, results)
+                findings = try_app(app, (*APPS[app], address), moments, rng, results)
         else:
-            findings = try_app(app, APPS[app], moments, dice, results)
+            findings = try_app(app, APPS[app], moments, rng, results)
     sys.exit(1 if findings else 0)
 
 
@@ -248,7 +248,7 @@ def main() -> int:
     parser.add_argument("--moments", type=int, default=50, help="of each app")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    cli.quiet_resource_tracker()  # All forks of this program share its one.
+    cli.quiet_resource_tracker()  # All forks of this program share it.
     for app in options.apps:
         if app not in APPS:
             parser.error(f'"{app}" is unknown; there are {", ".join(APPS)}')

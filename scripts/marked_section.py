@@ -1,14 +1,14 @@
-"""The part of a document between two marks, which a script writes anew."""
+"""Replacement of a document's section between two marks."""
 
 
 def with_section(document: str, begin: str, end: str, text: str) -> str:
-    """Returns a document with what stands between its marks replaced.
+    """Returns a document with the section between its marks replaced.
 
     Args:
-        document: The whole text.
-        begin: Line before the part.
+        document: Text with both marks.
+        begin: Line before the section.
         end: Line after it.
-        text: The part.
+        text: New section.
     """
     before, first, rest = document.partition(begin)
     _, last, after = rest.partition(end)

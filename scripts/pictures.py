@@ -24,13 +24,13 @@ ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "pictures"
 TUTORIAL = ROOT / "docs" / "tutorial.md"
 LARGEST = 1_500_000
-"""A film is no larger [bytes]."""
+"""Largest size of a film [bytes]."""
 PLAYED = 1.15
-"""Moment of the playback in the tutorial: one hand is at the post, the other passes it [s]."""
+"""Playback time of the tutorial's picture [s]: one hand is at the post, the other passes it."""
 
 
 def is_like(one: Path, other: Path) -> bool:
-    """Tells whether two pictures are alike but for some digits of their numbers."""
+    """Returns whether two pictures differ in no more than some digits."""
     a, b = (cv2.imread(str(path)).astype(float) for path in (one, other))
     return a.shape == b.shape and float(np.abs(a - b).mean()) < 1.0  # Of 255.
 
@@ -41,7 +41,7 @@ def app(name: str, *arguments: str) -> None:
 
 
 def from_app(picture: Path, made: str, name: str, *arguments: str) -> None:
-    """Takes what an app leaves in its output folder."""
+    """Copies a picture from an app's output folder."""
     folder = OUT / picture.stem
     app(name, *arguments, "--output", str(folder))
     shutil.copy(folder / made, picture)
@@ -58,12 +58,12 @@ def film(picture: Path, name: str, *arguments: str) -> None:
 
 
 def gallery(picture: Path) -> None:
-    """Runs an example of the gallery, which draws its picture where it is run."""
+    """Runs an example of the gallery in its folder, where it saves its picture."""
     _run([sys.executable, str(picture.with_suffix(".py"))], picture.parent)
 
 
 def teaching_page(picture: Path) -> None:
-    """Takes the picture that the test of the page leaves, unless this machine is busy."""
+    """Copies the picture of the page's test, unless this machine is too slow."""
     os.environ["PEPPER_SCREENSHOTS"] = str(OUT / "teach")
     _run([sys.executable, "-m", "pytest", "-q", "tests/live/test_show.py", "-k", "browser"], ROOT)
     if "Slow" in (OUT / "teach" / "reached.txt").read_text():
@@ -73,7 +73,7 @@ def teaching_page(picture: Path) -> None:
 
 @cache
 def tutorial() -> Path:
-    """Runs the tutorial's commands, less those that wait for a reader; returns where."""
+    """Runs the tutorial's non-interactive commands; returns their folder."""
     folder = OUT / "tutorial"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -84,13 +84,13 @@ def tutorial() -> Path:
         if "apps/teach.py" not in text:
             lines = text.replace("\\\n", " ").splitlines(keepends=True)
             kept = [line for line in lines if "apps/play.py" not in line or "--html" in line]
-            # A run that touches something exits with 1, as the tutorial says.
+            # A run with a collision exits with 1, as the tutorial says.
             _run(["bash", "-euc", "".join(kept)], folder, codes=(0, 1))
     return folder
 
 
 def of_tutorial(picture: Path, made: str) -> None:
-    """Takes what a command of the tutorial leaves."""
+    """Copies a picture that a command of the tutorial makes."""
     shutil.copy(tutorial() / "out" / made, picture)
 
 
@@ -126,7 +126,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
         for path in sorted((ROOT / "docs" / "gallery").glob("*.py"))
     },
 }
-"""Each picture, from the repository's root, and what makes it."""
+"""Each picture's path from the repository's root, and its maker."""
 
 
 if __name__ == "__main__":

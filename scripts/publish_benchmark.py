@@ -2,9 +2,9 @@
 
     python scripts/publish_benchmark.py still=out/benchmark moving=out/moving
 
-Each folder is one that `apps/benchmark.py` left. Numbers go to benchmarks/results.json, the
-first folder's figure to docs/benchmark.png, and the README's section between its two marks is
-written anew from the numbers; a test holds the one to the other.
+Each folder is an output of `apps/benchmark.py`. Numbers go to benchmarks/results.json, the first
+folder's figure to docs/benchmark.png, and the README's section between its two marks is rewritten
+from the numbers; a test compares README and numbers.
 """
 
 import json
@@ -33,7 +33,7 @@ _ABOUT = {
 
 
 def section(results: dict[str, Any]) -> str:
-    """The README's section for the content of results.json."""
+    """Returns the README's section for the content of results.json."""
     parts = [f"![{alt_text(results['still'])}](docs/benchmark.png)\n"]
     for name, content in results.items():
         seeds = sorted(int(scene.rpartition("_")[2]) for scene in content["scenes"])
@@ -43,7 +43,7 @@ def section(results: dict[str, Any]) -> str:
 
 
 def alt_text(content: dict[str, Any]) -> str:
-    """The picture in a sentence, for who cannot see it."""
+    """Returns the picture's alternative text."""
     shares = "; ".join(
         f"{get_method(method['method']).name} {100 * _rate(method, 'reached').value:.0f} %"
         for method in content["methods"]
@@ -53,7 +53,7 @@ def alt_text(content: dict[str, Any]) -> str:
 
 
 def _basis(content: dict[str, Any]) -> tuple[int, str]:
-    """Number of scenes that rates are of, and a name for them."""
+    """Returns the number of scenes of the rates, and a name for them."""
     if content["solvable"] is None:
         return len(content["scenes"]), "scenes"
     return len(content["solvable"]), "scenes that can be solved"
@@ -97,7 +97,7 @@ def _number(value: float | None, factor: float, digits: int) -> str:
 
 
 def main(arguments: list[str]) -> None:
-    """Publishes the folders that the arguments name."""
+    """Publishes the given folders."""
     folders = dict(argument.split("=", 1) for argument in arguments if "=" in argument)
     if "still" not in folders or not folders.keys() <= _ABOUT.keys():
         raise SystemExit("give still=FOLDER, and moving=FOLDER if there is one")

@@ -3,7 +3,7 @@
     python benchmarks/loop_speed.py tick planner diagram --save
     python scripts/publish_speed.py
 
-A test holds the one to the other.
+A test compares both.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""A hook of MkDocs: a page of the reference for each room of the package, made when it is built."""
+"""MkDocs hook: generates a reference page for each room of the package."""
 
 import ast
 import textwrap
@@ -23,7 +23,7 @@ ROOMS = (
 
 
 def modules(room: str) -> list[str]:
-    """Names of a room's public modules."""
+    """Returns the names of a room's public modules."""
     paths = sorted((PACKAGE / room).rglob("*.py"))
     return [
         ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
@@ -33,7 +33,7 @@ def modules(room: str) -> list[str]:
 
 
 def page(room: str) -> str:
-    """A room's page: its docstring, and all its modules."""
+    """Returns a room's page: its docstring, and all its modules."""
     source = (PACKAGE / room / "__init__.py").read_text(encoding="utf-8")
     about = ast.get_docstring(ast.parse(source)) or ""
     parts = [f"# {room}", about]
@@ -44,7 +44,7 @@ def page(room: str) -> str:
 
 
 def templates(path: Path) -> list[str]:
-    """Sections for the systems that a function makes for a scalar type: nobody else sees them."""
+    """Returns sections for systems made by functions of a scalar type, which MkDocs misses."""
     sections = []
     for maker in ast.parse(path.read_text(encoding="utf-8")).body:
         if not (isinstance(maker, ast.FunctionDef) and maker.name.endswith("_")):

@@ -1,12 +1,12 @@
-"""Reaches, learns and optimises again and again in one process, and tells what that process keeps.
+"""Reaches, learns and optimises repeatedly in one process, and checks it for leaks.
 
   soak.py --minutes 60                 an hour
   soak.py --minutes 5 --page           with a page that shows each reach
 
-Each round fits a movement, tries 40 of its kin on the equations and 8 on the kinematics, reaches
-once in the full simulation with its cameras, and writes and loads its results. Memory, threads and
-open files are compared with those after the first rounds. Exit code 1 if the memory grew by more
-than 5 % or anything was left.
+Each round fits a movement, rolls out 40 variants with the equations and 8 with the kinematics,
+reaches once in the full simulation with cameras, and writes and loads its results. Memory, threads
+and open files are compared with those after the first rounds. Exit code 1 if the memory grew by
+more than 5 % or any thread or file is left.
 """
 
 import argparse
@@ -34,9 +34,9 @@ from pepper_drake.scenario import Scenario, build_reaching
 from pepper_drake.web.drake_page import open_meshcat
 
 WARM_UP = 6
-"""Rounds after which the memory counts: caches fill, the allocator finds its size."""
+"""Rounds before memory is compared: caches fill, the allocator settles."""
 ALLOWED = 0.05
-"""Part by which the memory may grow."""
+"""Allowed relative growth of the memory."""
 
 
 def usage() -> tuple[float, int, int]:
@@ -49,15 +49,15 @@ def usage() -> tuple[float, int, int]:
 
 
 def one_round(number: int, scene: str, *, page: bool) -> str:
-    """Does once what the program does; returns the reach's outcome and what its cameras saw."""
+    """Runs one round; returns the reach's outcome and the size of its cloud."""
     demonstration = Demonstration.load(MODELS_DIR / "demonstrations" / "reach")
     primitive = MovementPrimitive.fit(demonstration)
-    dice = np.random.default_rng(number)
+    rng = np.random.default_rng(number)
     parameters = smooth_bumps(primitive, 4)
     for name, count in (("fast", 40), ("kinematics", 8)):
         cost = CostWeights(hand_to_goal=1.0, deviation=0.1)
         evaluate = make_rollouts(name, parameters, make_task(primitive), cost)
-        evaluate(0.01 * dice.standard_normal((count, parameters.size)))
+        evaluate(0.01 * rng.standard_normal((count, parameters.size)))
     scenario = Scenario(seed=number)
     scenario.scene = prepare_scene(load_scene(scene))
     with open_meshcat(page=page) as (meshcat, _):
@@ -71,7 +71,7 @@ def one_round(number: int, scene: str, *, page: bool) -> str:
 
 
 def wait_for_renderers() -> None:
-    """Waits until the threads of renderers that nobody uses have ended."""
+    """Waits until the threads of unused renderers have ended."""
     gc.collect()
     end = time.monotonic() + 20.0
     while time.monotonic() < end and any(

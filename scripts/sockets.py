@@ -1,10 +1,10 @@
-"""Starts every app and tells where it listens, as anybody on the network could find out.
+"""Starts every app and lists the addresses at which it listens.
 
   sockets.py                 all apps, without a page and with one
   sockets.py reach teach     these
 
-By default an app may listen at loopback only, and where no page or server was asked for, nowhere.
-Exit code 1 if one does otherwise, or has not come so far in its time.
+By default an app may listen on loopback only, and not at all without a page or server. Exit code 1
+if one does otherwise, or has not begun in time.
 """
 
 import argparse
@@ -44,13 +44,13 @@ RUNS: tuple[tuple[bool, tuple[str, ...]], ...] = (
     (True, ("serve_naoqi", "--port", "9873")),
     (True, ("teach",)),
 )
-"""Command lines, and whether they ask for a page or a server."""
+"""Command lines, and whether they have a page or a server."""
 
 _AFTER_PAGE = 5.0
-"""Time for which an app is watched after its page has come [s]."""
+"""Time for which an app is watched after its page has appeared [s]."""
 
 _STARTING = 180.0
-"""Longest time that an app may take to begin, or to show its page [s]."""
+"""Timeout until an app begins, or shows its page [s]."""
 
 _LISTENING = "0A"
 """State of a listening socket in /proc/net/tcp."""
@@ -75,14 +75,14 @@ def listening(processes: set[int]) -> set[str]:
 
 
 def _address(text: str) -> IPv4Address | IPv6Address:
-    """The address of a text of /proc, whose groups of four bytes are in the machine's order."""
+    """Parses an address of /proc, whose groups of four bytes are in the machine's byte order."""
     content = bytes.fromhex(text)
     groups = [content[k : k + 4][::-1] for k in range(0, len(content), 4)]
     return ip_address(b"".join(groups))
 
 
 def has_begun(process: int) -> bool:
-    """Returns whether an app has imported what it needs: it takes SIGTERM from then on."""
+    """Returns whether an app has finished its imports: it then handles SIGTERM."""
     try:
         status = Path(f"/proc/{process}/status").read_text()
     except OSError:
@@ -94,10 +94,10 @@ def has_begun(process: int) -> bool:
 def watch(
     arguments: tuple[str, ...], seconds: float, folder: Path, *, has_page: bool
 ) -> tuple[set[str], str]:
-    """Runs an app for some time after it has begun, or for some seconds after its page has come.
+    """Runs an app for some time after it has begun, or after its page has appeared.
 
     Returns:
-        Where it listened meanwhile, and how it ended.
+        The addresses at which it listened, and how it ended.
     """
     process = start_app(arguments[0], folder, *arguments[1:])
     found: set[str] = set()
@@ -133,7 +133,7 @@ def main() -> int:
                 arguments, options.seconds, Path(folder) / "results", has_page=has_page
             )
         outside = {one for one in found if not ip_address(one).is_loopback}
-        # One that has not begun when its time is up, or refuses its options, has told nothing.
+        # A run that timed out before it began, or refused its options, proves nothing.
         began = not re.search(rf"exit code ({-signal.SIGTERM}|2)\b", end)
         is_wrong = bool(outside) or bool(found) != has_page or not began
         findings += is_wrong

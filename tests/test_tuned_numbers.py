@@ -29,13 +29,15 @@ ALLOWED = {
     "diagrams/head_perception.py": {"sentinel": "_EVER"},
     "diagrams/marker_teaching.py": {"offline": "OUT_OF_REACH"},
     "diagrams/reach_simulation.py": {"offline": "_AFTERMATH _LONGEST"},
-    "diagrams/recording.py": {"offline": "_SLICE", "numeric": "_HAIR"},
-    "diagrams/reproduction_simulation.py": {"offline": "_SLICE _STILL LONGEST _LIMIT_TOLERANCE"},
+    "diagrams/recording.py": {"offline": "_SLICE", "numeric": "_EPSILON"},
+    "diagrams/reproduction_simulation.py": {
+        "offline": "_SLICE _REST_SPEED LONGEST _LIMIT_TOLERANCE"
+    },
     "diagrams/robot_signals.py": {"format": "_BEYOND _FARTHEST"},
     "diagrams/simulate.py": {"numeric": "_KEEP_PERIOD _ROUNDING"},
     "diagrams/station.py": {"physics": "_STRENGTH _GEAR_FRICTION"},
     "diagrams/taught_movement.py": {"offline": "_STRIDE"},
-    "diagrams/touch_report.py": {"offline": "_NEAR _STILL"},
+    "diagrams/touch_report.py": {"offline": "_NEAR _REST_SPEED"},
     "perception/calibration/marker_calibration.py": {
         "offline": "FEWEST_POSTURES _ROUNDS _SETTLED _LEAST_SIGMA _OUTLIER _NAMED"
     },
@@ -127,7 +129,7 @@ ALLOWED = {
     "systems/faults/fault.py": {"layout": "SIGNALS"},
     "systems/faults/faulty_planner.py": {"sentinel": "_FAR"},
     "systems/primitive/canonical_system.py": {"layout": "_GOAL _NUMBER"},
-    "systems/primitive/hand_goal_pose.py": {"numeric": "_STILL"},
+    "systems/primitive/hand_goal_pose.py": {"numeric": "_TOLERANCE"},
     "systems/primitive/orientation_transformation_system.py": {"layout": "_NUMBER _SPEED"},
     "systems/robot/arm_command.py": {"sentinel": "_REST"},
     "systems/sensing/estimate_guard.py": {"format": "_FARTHEST _FARTHEST_GOAL _LARGEST_SHARE"},

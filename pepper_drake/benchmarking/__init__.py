@@ -1,1 +1,1 @@
-"""Many reaches with several methods, side by side: what reached, what touched, how fast."""
+"""Comparison of reaching methods over many scenes: success, contacts and speed."""

@@ -1,4 +1,4 @@
-"""Metrics that must not get worse: a committed file of values, directions and tolerances."""
+"""Regression baseline: a committed file of metrics with directions and tolerances."""
 
 import json
 from collections.abc import Mapping
@@ -14,13 +14,13 @@ HIGHER, LOWER = "higher", "lower"
 
 @dataclass(frozen=True)
 class Metric:
-    """One number, and how much worse it may get.
+    """A measured value and its tolerance.
 
     Attributes:
-        value: What was measured.
-        unit: As "m", or "1" for counts and ratios.
-        direction: Which is better, "higher" or "lower".
-        tolerance: How much worse it may be, in the unit.
+        value: The measured value.
+        unit: Unit such as "m", or "1" for counts and ratios.
+        direction: The better direction, "higher" or "lower".
+        tolerance: Allowed deterioration, in the unit.
     """
 
     value: float
@@ -30,11 +30,11 @@ class Metric:
 
     @property
     def limit(self) -> float:
-        """The worst value that passes."""
+        """Worst value that passes."""
         return self.value + self.tolerance * (1.0 if self.direction == LOWER else -1.0)
 
     def passes(self, value: float) -> bool:
-        """True if a value is no worse than the limit; one that is not a number is worse."""
+        """True if a value is no worse than the limit; NaN never passes."""
         return value <= self.limit if self.direction == LOWER else value >= self.limit
 
 
@@ -43,24 +43,24 @@ class Baseline:
     """Metrics by name.
 
     Attributes:
-        metrics: By name.
-        reason: Why the values are what they are: what the last update was for.
+        metrics: The metrics.
+        reason: Reason of the last update.
     """
 
     metrics: dict[str, Metric]
     reason: str
 
     def failures(self, measured: Mapping[str, Metric]) -> list[str]:
-        """A sentence for each metric that is outside, missing, or not in the baseline."""
+        """Returns a sentence for each metric that fails, is missing, or is not in the baseline."""
         lines = []
         for name, metric in self.metrics.items():
             if name not in measured:
                 lines.append(f"{name}: was not measured; it was {metric.value:g} {metric.unit}")
             elif not metric.passes(measured[name].value):
-                word = "at most" if metric.direction == LOWER else "at least"
+                bound = "at most" if metric.direction == LOWER else "at least"
                 lines.append(
                     f"{name}: {measured[name].value:g} {metric.unit}; the baseline "
-                    f"{metric.value:g} allows {word} {metric.limit:g}"
+                    f"{metric.value:g} allows {bound} {metric.limit:g}"
                 )
         new = [name for name in measured if name not in self.metrics]
         lines += [f"{name}: is not in the baseline; renew it" for name in new]
@@ -70,7 +70,7 @@ class Baseline:
         """Writes the baseline as JSON.
 
         Raises:
-            InputError: A value is not a number that could be compared.
+            InputError: A metric is invalid, such as a value that cannot be compared.
         """
         for name, metric in self.metrics.items():
             _check(metric, name)
@@ -78,7 +78,7 @@ class Baseline:
 
     @classmethod
     def load(cls, path: Path) -> "Baseline":
-        """Reads what `save` wrote.
+        """Reads a file that `save` wrote.
 
         Raises:
             InputError: The file is missing or is not a baseline.

@@ -1,4 +1,4 @@
-"""Many runs, each in a process of its own, kept as files: what is there is not run again."""
+"""Many runs, each in its own process, with results in files: existing ones are not run again."""
 
 import multiprocessing
 import re
@@ -16,10 +16,10 @@ from pepper_drake.benchmarking.methods import get_method
 from pepper_drake.signals import end_with_parent
 
 LONGEST_RUN = 600.0
-"""No run takes longer [s]; one that does is ended and counts as an error."""
+"""Timeout of a run [s]; a longer one is killed and counts as an error."""
 
 _PERIOD = 0.2
-"""Time between two looks whether a run is to be ended [s]."""
+"""Period of checks for the end of a run [s]."""
 
 
 @dataclass(frozen=True)
@@ -30,17 +30,17 @@ class Task:
     case: Case
 
     def file(self, folder: Path) -> Path:
-        """File that keeps the result."""
+        """Returns the file with the result."""
         return folder / "results" / self.case.name / f"{file_stem(self.method)}.json"
 
 
 def file_stem(method: str) -> str:
-    """A method's letter, or FILE.py:NAME without its folder, as the stem of a file's name."""
+    """Returns a file name's stem for a method: its letter, or FILE.py:NAME without folder."""
     return re.sub(r"[^A-Za-z0-9_]+", "_", method.rpartition("/")[2])
 
 
 def run_task(task: Task) -> MethodResult:
-    """Runs a task in this process; what goes wrong becomes its result, for who reads the table."""
+    """Runs a task in this process; an exception becomes its result, for the table."""
     begin = time.perf_counter()
     try:
         result = get_method(task.method).run(task.case)
@@ -60,20 +60,20 @@ def run_tasks(
     executor: Executor | None = None,
     progress: Callable[[MethodResult], object] = lambda result: None,
 ) -> list[MethodResult]:
-    """Runs what has no result yet, and returns the results of all tasks in their order.
+    """Runs tasks without a result, and returns the results of all tasks in their order.
 
-    A run that breaks down, or takes too long, is an "error" in the results and disturbs no other;
-    it is tried again the next time.
+    A run that crashes or takes too long is an "error" in the results, does not affect the others,
+    and is repeated the next time.
 
     Args:
-        tasks: What to run.
-        folder: Where results are kept.
-        jobs: How many runs at the same time, on this machine.
-        executor: Who runs them instead; it limits the time of none.
-        progress: Called with each result, those that were there included.
+        tasks: The tasks.
+        folder: Folder of the results.
+        jobs: Number of parallel runs on this machine.
+        executor: Runs the tasks instead, without timeout.
+        progress: Called with each result, including existing ones.
 
     Raises:
-        InputError: A file in the folder is no result.
+        InputError: A file in the folder is not a result.
     """
     results = {task: MethodResult.load(f) for task in tasks if (f := task.file(folder)).exists()}
     results = {task: result for task, result in results.items() if result.outcome != "error"}
@@ -86,7 +86,7 @@ def run_tasks(
     try:
         for task in missing:
             if executor is None:
-                running[pool.submit(_run_apart, task, folder, stop)] = task
+                running[pool.submit(_run_in_process, task, folder, stop)] = task
             else:
                 running[pool.submit(run_task, task)] = task
         for future in as_completed(running):
@@ -104,10 +104,10 @@ def run_tasks(
     return [results[task] for task in tasks]
 
 
-def _run_apart(task: Task, folder: Path, stop: threading.Event) -> MethodResult:
-    """Runs a task in a fresh process, forked from one that has imported all and done nothing.
+def _run_in_process(task: Task, folder: Path, stop: threading.Event) -> MethodResult:
+    """Runs a task in a new process, forked from one that has only imported the modules.
 
-    It is killed when the event is set, and leaves no result then.
+    The process is killed when the event is set; then no result is saved.
     """
     processes = multiprocessing.get_context("forkserver")
     processes.set_forkserver_preload([__name__])
@@ -130,7 +130,7 @@ def _run_apart(task: Task, folder: Path, stop: threading.Event) -> MethodResult:
 
 
 def _in_process(task: Task, folder: Path) -> None:
-    """Runs a task and keeps its result."""
+    """Runs a task and saves its result; the main function of a process."""
     end_with_parent()
     cli.limit_linear_algebra()
     cli.quiet_libraries()

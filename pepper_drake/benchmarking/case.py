@@ -1,4 +1,4 @@
-"""A benchmark case: a scene, and the seed of all randomness in its run."""
+"""A benchmark case: a scene, and the seed of all random numbers in its run."""
 
 import re
 from dataclasses import dataclass, replace
@@ -16,17 +16,17 @@ class Case:
     """One scene with one seed.
 
     Attributes:
-        seed: Of the random scene, and of the sensors' noise and whatever else is random.
-        scene: A shipped scene's name or a file; left out, the random scene of the seed.
+        seed: Seed of the random scene, of sensor noise and of all other random numbers.
+        scene: A shipped scene's name or a file; the seed's random scene if None.
         moving: Whether an obstacle of the random scene moves during the reach.
-        arm: "left" or "right"; the scene's if left out.
-        goal_motion: How the goal moves; see `prepare_scene`.
-        robot: "ideal", or "worn" for the used robot of the seed.
-        faults: Signals that fail, as SIGNAL:KIND@START[+DURATION].
+        arm: "left" or "right"; the scene's if None.
+        goal_motion: Motion of the goal; see `prepare_scene`.
+        robot: "ideal", or "worn" for the seed's worn robot.
+        faults: Injected faults, as SIGNAL:KIND@START[+DURATION].
         calibration: File with the robot's calibration; `{seed}` in it stands for the seed.
-        family: Family of the random scene; a table with loose things on it if left out.
+        family: Family of the random scene; a table with loose objects on it if None.
         sensors: "real", or "ideal" for cameras without noise or latency.
-        numbers: A scenario's file with the numbers of the loop; the usual ones if left out.
+        numbers: A scenario file with parameters of the loop; the defaults if None.
     """
 
     seed: int
@@ -45,7 +45,7 @@ class Case:
         """Returns the scene.
 
         Raises:
-            InputError: There is no such scene.
+            InputError: The scene does not exist.
         """
         if self.family is not None:
             scene = family_scene(self.family, self.seed, moving=self.moving)
@@ -59,7 +59,7 @@ class Case:
         """Returns the scenario of a reach.
 
         Raises:
-            InputError: There is no such scene or file.
+            InputError: A scene or file does not exist.
         """
         chosen = Scenario() if self.numbers is None else load_scenario(Path(self.numbers))
         station = replace(
@@ -81,7 +81,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """A name for files: `random_17`, `moving_17`, `table_seed_3`, `random_17_left_up`."""
+        """Name for files, such as `random_17`, `moving_17`, `table_seed_3`, `random_17_left_up`."""
         if self.family is not None:
             name = f"{'moving_' if self.moving else ''}{self.family}_{self.seed}"
         elif self.scene is None:
@@ -92,20 +92,20 @@ class Case:
         motion = self.goal_motion and self.goal_motion.rpartition("/")[2].partition(".")[0]
         robot = "" if self.robot == "ideal" else self.robot
         faults = [re.sub(r"[^a-z0-9.]+", "_", fault) for fault in self.faults]
-        found = "calibrated" if self.calibration else ""
+        calibrated = "calibrated" if self.calibration else ""
         sensors = "" if self.sensors == "real" else f"{self.sensors}_sensors"
-        words = (name, self.arm, motion, robot, found, sensors, *faults)
+        words = (name, self.arm, motion, robot, calibrated, sensors, *faults)
         return "_".join(word for word in words if word)
 
     @property
     def reach_options(self) -> list[str]:
-        """The options of `reach.py` that give the same scene and the same noise."""
-        which = (
+        """Options of `reach.py` for the same scene and noise."""
+        scene = (
             ["--random-scene", str(self.seed)] if self.scene is None else ["--scene", self.scene]
         )
         if self.family is not None:
-            which = ["--family", self.family, *which]
-        options = [*which, "--seed", str(self.seed)]
+            scene = ["--family", self.family, *scene]
+        options = [*scene, "--seed", str(self.seed)]
         if self.numbers is not None:
             options += ["--scenario", self.numbers]
         if self.moving:

@@ -38,22 +38,22 @@ from pepper_drake.web.drake_page import offline_meshcat
 Array = npt.NDArray[np.float64]
 
 _REPLANS = ("check_reach", "replan", "plan_retreat")
-"""The planner's calls whose effect comes after `PlanningLatency.plan`."""
-_STARTED = 1e-6
-"""A joint command that differs by this from the one at rest is motion [rad]."""
+"""The planner's calls that take effect after `PlanningLatency.plan`."""
+_MOTION_THRESHOLD = 1e-6
+"""Change of a joint command that counts as motion [rad]."""
 
 
 @dataclass(frozen=True)
 class DiagramReach:
-    """A reach as `apps/reach.py` does it.
+    """A reach as in `apps/reach.py`.
 
     Attributes:
-        coupling: The obstacle coupling, by name or as it is; left out, it is the scene's.
-        adapt: Whether the planner adapts the movement to what was seen.
-        collision_checked: Whether the arm starts only when the reach, played through, is clear, and
-            stops before what it sees; see `ReachPlannerParams.collision_checked`.
-        planner: Name of the planner; ours if left out.
-        options: The options of `reach.py` that give the same; None if it cannot.
+        coupling: The obstacle coupling or its name; the scene's if None.
+        adapt: Whether the planner adapts the movement to perceived obstacles.
+        collision_checked: Whether the arm starts only if the simulated reach is free of collisions,
+            and stops before obstacles; see `ReachPlannerParams.collision_checked`.
+        planner: Name of the planner.
+        options: Equivalent options of `reach.py`; None if there are none.
     """
 
     coupling: str | Coupling | None = None
@@ -63,11 +63,11 @@ class DiagramReach:
     options: tuple[str, ...] | None = ()
 
     def __call__(self, case: Case) -> MethodResult:
-        """Runs the reach, unseen."""
+        """Runs the reach, without display."""
         return _run(self._build(case), RunOptions(progress=False))[1]
 
     def replay(self, case: Case, folder: Path) -> MethodResult:
-        """Runs the reach again and leaves `reach.py`'s folder, `recording.html` with it."""
+        """Runs the reach again and writes a folder like `reach.py`, with `recording.html`."""
         with offline_meshcat() as meshcat:
             options = RunOptions(meshcat=meshcat, record=True, progress=sys.stderr.isatty())
             result, measured = _run(self._build(case), options)
@@ -99,11 +99,11 @@ def _run(reaching: Reaching, options: RunOptions) -> tuple[ReachResult, MethodRe
 
 
 def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> MethodResult:
-    """Takes the benchmark's numbers from a reach's report and log.
+    """Returns the benchmark's result of a reach, from its report and log.
 
     Args:
-        result: Of the reach.
-        primitive: Learned from the demonstration, for demonstration_distance.
+        result: Result of the reach.
+        primitive: Primitive of the demonstration, for demonstration_distance.
         arm: "left" or "right".
     """
     report, log = result.report, result.log
@@ -126,9 +126,9 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
     measured.first_motion_seconds = first_motion(log, moving, arm, report.planning_delay)
     if measured.outcome == "reached":
         first = int(np.argmax(moving))
-        rested = int(np.argmax(log.mode == ReachMode.HOLDING))
+        arrival = int(np.argmax(log.mode == ReachMode.HOLDING))
         step = float(log.time_s[1] - log.time_s[0])
-        measured.duration = float(log.time_s[rested] - log.time_s[first])
+        measured.duration = float(log.time_s[arrival] - log.time_s[first])
         held = round(CONTROL_PERIOD / step)
         hand = interpolate_held(commanded_hand(log.joint_command_rad[first:], arm), held)
         measured.path_length = path_length(hand)
@@ -140,11 +140,11 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
 
 
 def outcome_of(report_outcome: str, clearance: float, started: bool) -> str:
-    """One of `OUTCOMES`: touching counts before all else.
+    """Returns one of `OUTCOMES`; a contact takes precedence.
 
     Args:
-        report_outcome: "reached" or "failed", as the reach's report has it.
-        clearance: Least true distance to an obstacle over the whole run [m].
+        report_outcome: Outcome in the reach's report.
+        clearance: Smallest true distance to an obstacle over the whole run [m].
         started: Whether the arm was allowed to start.
     """
     if clearance <= 0.0:
@@ -155,24 +155,24 @@ def outcome_of(report_outcome: str, clearance: float, started: bool) -> str:
 
 
 def first_motion(log: ReachLog, moving: npt.NDArray[np.bool_], arm: str, delay: float) -> float:
-    """Time from when the robot has settled to its first command [s].
+    """Returns the time from the robot's settling to the arm's first motion [s].
 
-    The simulated time for which the arm waits for its plan, and then the time until a joint of the
-    arm is commanded to move.
+    It is the simulated time that the arm waits for its plan, plus the time until a joint of the arm
+    is commanded to move. NaN if none is.
     """
     first = int(np.argmax(moving))
     commands = log.joint_command_rad[:, body_indices(arm_joints(arm))]
-    away = np.abs(commands[first:] - commands[first]).max(axis=1) > _STARTED
-    if not away.any():
+    moves = np.abs(commands[first:] - commands[first]).max(axis=1) > _MOTION_THRESHOLD
+    if not moves.any():
         return float("nan")
-    return delay + float(log.time_s[first + int(np.argmax(away))] - log.time_s[first])
+    return delay + float(log.time_s[first + int(np.argmax(moves))] - log.time_s[first])
 
 
 def interpolate_held(positions: Array, held: int) -> Array:
-    """The smooth path (M, 3) through positions (N, 3) that were logged faster than they were given.
+    """Returns a smooth path (M, 3) through positions (N, 3), each held for `held` samples.
 
-    Each is held for so many samples; what a path is like, its steps do not tell. It starts when
-    the positions begin to change, and has as many samples a second as they.
+    Differences of the held positions would be steps, unlike those of the path. The path starts at
+    the first change of the positions and has their sampling rate.
     """
     changes = np.flatnonzero(np.any(np.diff(positions, axis=0) != 0.0, axis=1))
     given = positions[changes[0] if len(changes) else 0 :: held]
@@ -184,7 +184,7 @@ def interpolate_held(positions: Array, held: int) -> Array:
 
 
 def commanded_hand(joint_commands: Array, arm: str) -> Array:
-    """The hand's positions (N, 3) in T [m] for commands (N, 15) of all joints [rad]."""
+    """Returns the hand's positions (N, 3) in T [m] for commands (N, 15) of all joints [rad]."""
     kinematics = arm_kinematics(shared_control_model(), arm)
     joints = joint_commands[:, body_indices(arm_joints(arm))]
     return np.array([kinematics.hand_pose(q).translation() for q in joints])

@@ -1,4 +1,4 @@
-"""A short, seeded run of everything whose numbers are defended; see `baseline`."""
+"""Regression gate: short, seeded runs for the metrics of the baseline; see `baseline`."""
 
 import hashlib
 import time
@@ -24,26 +24,26 @@ GROUPS: dict[str, tuple[Case, ...]] = {
     "moving": tuple(Case(seed, moving=True) for seed in (1, 2, 3)),
     "families": (Case(2, family="pickets"), Case(1, family="high_table")),
 }
-"""The scenes, each with our method."""
+"""Cases of each group, all run with our method."""
 _METHOD = "d"
 _APPROXIMATORS = ("trajectory", "lwr", "rbfn", "gmr", "lwpr")
 _ROUND, _ROUNDS = 1.0, 5
-"""Simulated time [s] for which the physics and the whole diagram take turns, and how often."""
+"""Simulated time [s] and number of the turns of the physics and the whole diagram."""
 
 
 def gate_tasks() -> list[Task]:
-    """The runs."""
+    """Returns all runs."""
     return [Task(_METHOD, case) for cases in GROUPS.values() for case in cases]
 
 
 def measure_gate(
     output: Path, *, jobs: int = 1, progress: Callable[[MethodResult], object] = lambda _: None
 ) -> dict[str, Metric]:
-    """Runs what has no result of this very code yet, and returns the metrics by name.
+    """Runs tasks without a result of the present code, and returns the metrics by name.
 
     Args:
-        output: Folder for results; those of other code are in folders of their own.
-        jobs: How many runs at the same time.
+        output: Folder for results, with a subfolder for each version of the code.
+        jobs: Number of parallel runs.
         progress: Called with each result.
     """
     folder = output / f"gate-{source_digest()}"
@@ -54,13 +54,13 @@ def measure_gate(
         metrics |= _outcomes(group, [results[Task(_METHOD, case)] for case in cases])
     metrics |= _quality([result for result in results.values() if result.outcome == "reached"])
     metrics |= _learning()
-    share = physics_share()  # Time is loose: processors differ in what they do fast.
+    share = physics_share()  # A wide tolerance: processors differ.
     metrics["time.physics alone, of the whole diagram"] = Metric(share, "1", HIGHER, 0.4 * share)
     return metrics
 
 
 def source_digest() -> str:
-    """A word for the code that is run: other code gives another one."""
+    """Returns a hash of the package's code, models and scenes."""
     digest = hashlib.sha256()
     root = Path(pepper_drake.__file__).parent
     for file in sorted([*root.rglob("*.py"), *root.rglob("*.urdf"), *root.rglob("*.yaml")]):
@@ -69,7 +69,7 @@ def source_digest() -> str:
 
 
 def _outcomes(group: str, results: Sequence[MethodResult]) -> dict[str, Metric]:
-    """Counts have no tolerance: the runs are seeded."""
+    """Returns counts of outcomes, without tolerance, since the runs are seeded."""
     counts = {o: sum(result.outcome == o for result in results) for o in ("reached", "touched")}
     return {
         f"{group}.reached of {len(results)}": Metric(counts["reached"], "1", HIGHER, 0.0),
@@ -78,7 +78,7 @@ def _outcomes(group: str, results: Sequence[MethodResult]) -> dict[str, Metric]:
 
 
 def _quality(reached: Sequence[MethodResult]) -> dict[str, Metric]:
-    """Medians and extremes over the runs that reached; NaN, which never passes, if none did."""
+    """Returns statistics over the runs that reached; NaN, which never passes, if none did."""
 
     def all_of(name: str) -> np.ndarray:
         values = [getattr(result, name) for result in reached]
@@ -100,7 +100,7 @@ def _quality(reached: Sequence[MethodResult]) -> dict[str, Metric]:
 
 
 def _learning() -> dict[str, Metric]:
-    """Equation 4.1 of each approximator on the demonstrations that everybody has."""
+    """Returns equation 4.1 of each approximator on the synthetic demonstrations."""
     rows = compare(example_demonstrations(3), _APPROXIMATORS, (40,))
     return {
         f"learning.{row.approximator}, 40 basis functions": Metric(
@@ -111,10 +111,10 @@ def _learning() -> dict[str, Metric]:
 
 
 def physics_share() -> float:
-    """Time of the physics alone over that of the whole diagram without cameras, 1 at best.
+    """Returns the time of the physics alone over that of the diagram without cameras, at best 1.
 
-    Both simulate the same scene at the same steps, by turns in this process. The median of some
-    rounds.
+    Both simulate the same scene with the same time step, alternating in this process. The result is
+    the median over some rounds.
     """
     scenario = Scenario()
     scenario.station.cameras = False

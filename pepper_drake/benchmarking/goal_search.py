@@ -1,4 +1,4 @@
-"""Goal configurations with the hand at its goal, by Drake's inverse kinematics."""
+"""Arm configurations with the hand at its goal, by Drake's inverse kinematics."""
 
 import numpy as np
 import numpy.typing as npt
@@ -18,21 +18,21 @@ _TOLERANCE = 0.0005
 def goal_postures(
     known: GroundTruthScene, base_pose: Array, rng: np.random.Generator, *, tries: int = 16
 ) -> list[Array]:
-    """Postures (5,) [rad] in which nothing is hit, the ones with the hand turned best first.
+    """Returns collision-free postures (5,) [rad], sorted by the hand's orientation error.
 
-    The hand's position is a constraint. Its direction is a cost in every other search, for five
-    joints cannot take every pose; the rest look for what is nearest to where they start.
+    The hand's position is a constraint. Its orientation is a cost in every other search, since five
+    joints cannot reach every pose; the rest minimise the distance to their initial guess.
 
     Args:
         known: The scene.
         base_pose: (3,) x, y, yaw in W.
-        rng: Draws the starts of the searches.
-        tries: Number of starts.
+        rng: Draws the initial guesses.
+        tries: Number of initial guesses.
     """
     found: list[tuple[float, Array]] = []
     for number in range(tries):
         guess = rng.uniform(known.lower, known.upper)
-        posture = _solve(known, base_pose, guess, turned=number % 2 == 0)
+        posture = _solve(known, base_pose, guess, oriented=number % 2 == 0)
         if posture is None or not known.free(posture, base_pose):
             continue
         if all(np.abs(posture - other).max() > 0.05 for _, other in found):
@@ -42,7 +42,7 @@ def goal_postures(
 
 
 def _solve(
-    known: GroundTruthScene, base_pose: Array, guess: Array, *, turned: bool
+    known: GroundTruthScene, base_pose: Array, guess: Array, *, oriented: bool
 ) -> Array | None:
     plant, hand = known.plant, known.plant.GetFrameByName(hand_frame(known.scene.arm))
     ik = InverseKinematics(plant)
@@ -58,7 +58,7 @@ def _solve(
         goal.translation() - _TOLERANCE,
         goal.translation() + _TOLERANCE,
     )
-    if turned:
+    if oriented:
         ik.AddOrientationCost(
             hand, RotationMatrix.Identity(), plant.world_frame(), goal.rotation(), 1.0
         )
@@ -70,5 +70,5 @@ def _solve(
 
 
 def _angle(X_WA: RigidTransform, X_WB: RigidTransform) -> float:
-    """The angle between two directions [rad]."""
+    """Returns the angle between two orientations [rad]."""
     return float(X_WA.rotation().InvertAndCompose(X_WB.rotation()).ToAngleAxis().angle())

@@ -1,4 +1,4 @@
-"""A scene as one knows it who knows everything: for planners that are given the truth."""
+"""The true scene, for planners with perfect knowledge."""
 
 import itertools
 from collections.abc import Iterator
@@ -36,21 +36,21 @@ _ELBOW_YAW, _ELBOW_ROLL = 2, 3
 
 
 class GroundTruthScene:
-    """Pepper in the true scene: collisions, distances, goals, and places to stand.
+    """Pepper in the true scene: collisions, distances, goals, and base poses.
 
-    All but the base and the arm that reaches stay as they start. Obstacles with a path stand where
-    they start until `set_time` puts them elsewhere.
+    All joints except the base and the reaching arm keep their initial positions. Obstacles with a
+    path stand where they start until `set_time` moves them.
 
     Attributes:
         scene: The scene.
-        padding: What planners keep between the robot and the scene [m].
+        padding: Clearance of planners between robot and scene [m].
         plant: Pepper and the scene.
-        checker: Drake's collision checker over it, with `padding` between robot and scene.
-        arm_checker: The same, but the body, which stands, is not looked at.
-        arm_index: (5,) where the arm's joints are among the plant's positions.
-        lower: (5,) limits of the arm's joints [rad].
-        upper: (5,) rad.
-        X_WG: Where the hand is to be.
+        checker: Drake's collision checker of the plant, with `padding` between robot and scene.
+        arm_checker: The same without the resting body.
+        arm_index: (5,) indices of the arm's joints in the plant's positions.
+        lower: (5,) lower limits of the arm's joints [rad].
+        upper: (5,) upper limits [rad].
+        X_WG: Goal pose of the hand.
     """
 
     def __init__(self, scene: Scene, *, padding: float = 0.01) -> None:
@@ -58,7 +58,7 @@ class GroundTruthScene:
 
         Args:
             scene: The scene.
-            padding: What planners keep between the robot and the scene [m].
+            padding: Clearance of planners between robot and scene [m].
         """
         self.scene, self.padding = scene, padding
         builder = RobotDiagramBuilder(time_step=0.0)
@@ -115,16 +115,16 @@ class GroundTruthScene:
         return self._start[self.arm_index]
 
     def positions(self, joints: Array, base_pose: Array) -> Array:
-        """The plant's positions with the arm's joints (5,) [rad] and the base at x, y, yaw."""
+        """Returns the plant's positions for the arm's joints (5,) [rad] and a base pose (3,)."""
         q = self._start.copy()
         q[self.arm_index], q[self._base_index] = joints, base_pose
         return q
 
     def free(self, joints: Array, base_pose: Array) -> bool:
-        """True if the arm keeps the padding to everything, and the elbow its limits.
+        """True if the arm keeps the padding to all obstacles, and the elbow its limits.
 
         Args:
-            joints: (5,) the arm's [rad].
+            joints: (5,) of the arm [rad].
             base_pose: (3,) x, y, yaw in W.
         """
         low, high = elbow_roll_limits(float(joints[_ELBOW_YAW]), self.scene.arm)
@@ -133,26 +133,26 @@ class GroundTruthScene:
         return self.arm_checker.CheckConfigCollisionFree(self.positions(joints, base_pose))
 
     def _hold_body(self, checker: SceneGraphCollisionChecker) -> None:
-        """Takes out all pairs without a link of the arm."""
+        """Filters all collision pairs without a link of the arm."""
         arm = self._arm_links()
         bodies = [BodyIndex(k) for k in range(self.plant.num_bodies())]
         resting = [k for k in bodies if self.plant.get_body(k).name() not in arm]
         for one, other in itertools.combinations(resting, 2):
-            robots = checker.IsPartOfRobot(one) or checker.IsPartOfRobot(other)
-            if robots and not checker.IsCollisionFilteredBetween(one, other):
+            has_robot = checker.IsPartOfRobot(one) or checker.IsPartOfRobot(other)
+            if has_robot and not checker.IsCollisionFilteredBetween(one, other):
                 checker.SetCollisionFilteredBetween(one, other, True)
 
     def _arm_links(self) -> set[str]:
         return {*arm_link_names(self.scene.arm), f"{self.scene.arm[0].upper()}Shoulder"}
 
     def resting_links(self) -> list[str]:
-        """Names of Pepper's links that do not move with the arm and have a shape."""
+        """Returns the names of Pepper's links with a shape that do not move with the arm."""
         bodies = [self.plant.get_body(k) for k in self.plant.GetBodyIndices(self._pepper)]
         shaped = [b.name() for b in bodies if self.plant.GetCollisionGeometriesForBody(b)]
         return [name for name in shaped if name not in self._arm_links()]
 
     def solids(self) -> list[tuple[str, Shape, RigidTransform]]:
-        """Every solid of the scene, the goal object's too: name, shape, pose X_WS now."""
+        """Returns name, shape and current pose X_WS of all solids of scene and goal object."""
         self.checker.UpdatePositions(self._start)
         query = self._query()
         inspector = query.inspector()
@@ -166,15 +166,15 @@ class GroundTruthScene:
         return found
 
     def candidate_base_poses(self) -> Iterator[Array]:
-        """The base poses (3,) that our own planner would try here, if it knew everything."""
+        """Yields the base poses (3,) that our own planner would try with perfect knowledge."""
         scene, params = self.scene, ReachPlannerParams()
         shown_goal = make_primitive(None, scene.arm).goal
         places = BasePlacement(
             shared_control_model(), scene.arm, scene.pre_grasp(), shown_goal, params
         )
 
-        def has_room(some: Array) -> npt.NDArray[np.bool_]:
-            q = [self.positions(self.start, place) for place in some]
+        def has_room(poses_xy_yaw: Array) -> npt.NDArray[np.bool_]:
+            q = [self.positions(self.start, place) for place in poses_xy_yaw]
             return np.array([self.checker.CheckConfigCollisionFree(one) for one in q])
 
         return places(
@@ -185,7 +185,7 @@ class GroundTruthScene:
         )
 
     def hand_poses(self, path: Array, base_pose: Array) -> list[RigidTransform]:
-        """X_WH for each row of a path (N, 5) of the arm's joints [rad]."""
+        """Returns X_WH for each row of a path (N, 5) of the arm's joints [rad]."""
         plant_context = self.checker.plant_context()
         frame = self.plant.GetFrameByName(hand_frame(self.scene.arm))
         poses = []
@@ -196,11 +196,11 @@ class GroundTruthScene:
 
     @property
     def quiet_after(self) -> float:
-        """When the last obstacle has come to rest, s after the arm may start; 0 if none moves."""
+        """Time at which the last obstacle stops, from the arm's start [s]; 0 if none moves."""
         return max((moving.path.end_time() for moving in self._moving), default=0.0)
 
     def set_time(self, time: float) -> None:
-        """Puts the obstacles that move where they are at a time, s after the arm may start."""
+        """Sets the moving obstacles to their positions at a time from the arm's start [s]."""
         for moving in self._moving:
             path = moving.path
             offset = path.value(np.clip(time, path.start_time(), path.end_time()))[:, 0]
@@ -210,24 +210,24 @@ class GroundTruthScene:
     def clearance(
         self, path: Array, base_pose: Array, time_step: float = 0.01
     ) -> tuple[float, str]:
-        """The least true distance between Pepper and an obstacle along a path.
+        """Returns the smallest true distance between Pepper and an obstacle along a path.
 
         Args:
-            path: (N, 5) the arm's joints from when it may start [rad].
+            path: (N, 5) the arm's joints from its start [rad].
             base_pose: (3,) x, y, yaw in W.
-            time_step: Of the path [s].
+            time_step: Time step of the path [s].
 
         Returns:
             The distance [m], at most 0.1, and the names of the two shapes.
         """
-        least, names = 0.1, ""
+        smallest, names = 0.1, ""
         for number, joints in enumerate(path):
             self.set_time(number * time_step)
             self.checker.UpdatePositions(self.positions(joints, base_pose))
             distance, pair = self._monitor.closest_pair(self._query())
-            if distance < least:
-                least, names = distance, pair
-        return least, names
+            if distance < smallest:
+                smallest, names = distance, pair
+        return smallest, names
 
     def _query(self) -> QueryObject:
         diagram = self.checker.model()

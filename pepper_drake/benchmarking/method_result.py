@@ -11,14 +11,14 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import check_fields, read_json, write_atomically
 
 OUTCOMES = ("reached", "touched", "refused", "failed", "error")
-"""Outcomes of a run: the hand is at its goal and nothing was touched; a link touched an
-obstacle, whatever else happened; it was declined before the arm moved; it ended on the way, or
-elsewhere than at the goal; the run itself broke down."""
+"""Outcomes of a run: the hand is at its goal without contact; a link touched an obstacle, whatever
+else happened; the reach was refused before the arm moved; it ended before or beside the goal; the
+run itself crashed."""
 
 
 @dataclass
 class MethodResult:
-    """One run. Lengths in m, angles in rad, times in s; None where there is no such number."""
+    """Result of one run. Lengths in m, angles in rad, times in s; None if not measured."""
 
     case: str = ""
     method: str = ""
@@ -28,36 +28,36 @@ class MethodResult:
     reason: str = ""
     message: str = ""
     first_motion_seconds: float | None = None
-    """From when the arm may start to its first command: computing time and periods waited."""
+    """Time until the arm's first motion, including computing time and waiting."""
     planning_seconds: float | None = None
-    """All time spent on planning, places to stand included."""
+    """Total planning time, including base placement."""
     planning_latency: float | None = None
-    """Simulated time from a look to the effect of the plan made from it, as the scenario sets it;
-    None for a planner without a clock."""
+    """Simulated time from an observation until its plan takes effect, as set in the scenario; None
+    for planners without simulated time."""
     replan_seconds_99: float | None = None
-    """99th percentile of the wall time that checks, replans and retreats took on this computer."""
+    """99th percentile of the wall time of checks, replans and retreats on this computer."""
     touch_speed: float | None = None
-    """Speed of link and obstacle against each other at the first touch [m/s]."""
+    """Relative speed of link and obstacle at the first contact [m/s]."""
     duration: float | None = None
-    """From when the arm may start until the hand rests at its goal."""
+    """Time from the arm's permission to start until the hand rests at its goal."""
     path_length: float | None = None
     jerk: float | None = None
-    """Root mean square of the commanded hand's [m/s³]."""
+    """Root mean square jerk of the commanded hand path [m/s³]."""
     demonstration_distance: float | None = None
     """Distance to the demonstration, equation 4.1."""
     clearance: float | None = None
-    """Least true distance between Pepper and an obstacle, cut at 0.1."""
+    """Smallest true distance between Pepper and an obstacle, at most 0.1."""
     closest_pair: str = ""
     position_error: float | None = None
     orientation_error: float | None = None
     goal_estimate_error: float | None = None
-    """Between the estimated and the true goal of the hand at the end."""
+    """Distance between the estimated and the true goal of the hand at the end."""
     realtime_factor: float | None = None
     """Simulated time over the simulation's wall time."""
     wall_seconds: float = 0.0
 
     def save(self, path: Path) -> None:
-        """Writes the result as JSON, whole or not at all; what is not finite becomes null."""
+        """Writes the result atomically as JSON; non-finite numbers become null."""
         content = {
             key: None if isinstance(value, float) and not np.isfinite(value) else value
             for key, value in asdict(self).items()
@@ -66,7 +66,7 @@ class MethodResult:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Reads what `save` wrote.
+        """Reads a file that `save` wrote.
 
         Raises:
             InputError: The file is not a result.

@@ -1,4 +1,4 @@
-"""The methods that are compared, by letter."""
+"""The compared methods, by letter."""
 
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -27,29 +27,29 @@ class Run(Protocol):
 
     @property
     def options(self) -> tuple[str, ...] | None:
-        """The options of `reach.py` that give the same; None if it cannot."""
+        """Equivalent options of `reach.py`; None if there are none."""
         ...
 
     def __call__(self, case: Case) -> MethodResult:
-        """Runs the method, unseen."""
+        """Runs the method, without display."""
         ...
 
     def replay(self, case: Case, folder: Path) -> MethodResult:
-        """Runs it again and leaves `recording.html` and what else there is in a folder."""
+        """Runs the method again and writes `recording.html` and other files into a folder."""
         ...
 
 
 @dataclass(frozen=True)
 class Method:
-    """One way to reach.
+    """A reaching method.
 
     Attributes:
-        letter: What it is called on the command line: a letter, or FILE.py:NAME.
-        name: What it is called in tables.
-        description: What it is, in a sentence.
-        run: How it is run.
-        needs: The package of the `bench` extra that it needs, if any.
-        knows_all: Whether it is given the scene as it is, where the others have to see it.
+        letter: Name on the command line: a letter, or FILE.py:NAME.
+        name: Name in tables.
+        description: Short description.
+        run: Runs the method.
+        needs: Required package of the `bench` extra, if any.
+        knows_all: Whether it has perfect knowledge of the scene, not only perception.
     """
 
     letter: str
@@ -61,11 +61,11 @@ class Method:
 
     @property
     def label(self) -> str:
-        """Its name in tables and figures."""
+        """Label in tables and figures."""
         return f"{self.letter.rpartition('/')[2]}: {self.name}"
 
     def check(self) -> None:
-        """Raises InputError if what it needs is not installed."""
+        """Raises InputError if a required package is not installed."""
         if self.needs and find_spec(self.needs) is None:
             raise InputError(
                 f"method {self.letter} needs {self.needs}: run `.venv/bin/pip install '.[bench]'`, "
@@ -147,13 +147,13 @@ METHODS: tuple[Method, ...] = (
 
 
 def get_method(letter: str) -> Method:
-    """Returns the method of a letter, or one's own: FILE.py:NAME, whose code is run.
+    """Returns the method of a letter, or a user's own: FILE.py:NAME, whose code is run.
 
-    A subclass of `ReachPlanner` has what the robot sees: the cameras' cloud, measured joints, the
+    A subclass of `ReachPlanner` gets perception: the cameras' cloud, measured joints and the
     estimated goal. A function has perfect knowledge; see `planned_reach.Motions`.
 
     Raises:
-        InputError: There is none.
+        InputError: The method does not exist.
     """
     if names_code(letter):
         return _own_method(letter, load_object(letter))

@@ -1,4 +1,4 @@
-"""Numbers of one hand path: how long, how smooth, how like the demonstration."""
+"""Metrics of one hand path: length, smoothness, and distance to the demonstration."""
 
 from typing import Any
 
@@ -16,15 +16,15 @@ _WINDOW, _ORDER = 15, 5
 
 
 def path_length(positions: Array) -> float:
-    """The length of a path through positions (N, 3) [m]."""
+    """Returns the length of a path through positions (N, 3) [m]."""
     return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
 def rms_jerk(positions: Array, time_step: float) -> float:
-    """The root mean square of the jerk of a path (N, 3) [m/s³].
+    """Returns the root mean square of the jerk of a path (N, 3) [m/s³].
 
-    The jerk is the third derivative of local polynomials (Savitzky and Golay 1964). A path with
-    fewer samples than they need has none: NaN.
+    The jerk is the third derivative of local polynomials (Savitzky and Golay 1964); NaN if the path
+    has too few samples for them.
     """
     if len(positions) < _WINDOW:
         return float("nan")
@@ -35,17 +35,17 @@ def rms_jerk(positions: Array, time_step: float) -> float:
 def demonstration_distance(
     primitive: MovementPrimitive, positions: Array, duration: float, time_step: float = 0.01
 ) -> float:
-    """Distance [m] of a path to the demonstration adapted to its ends, equation 4.1.
+    """Returns the distance [m] of a path to the demonstration, equation 4.1.
 
-    The demonstrated movement is rolled out from the path's start to its end, with nothing in the
-    way. Both paths are compared at equal fractions of their durations, at as many samples as the
-    demonstration has at that time step; what comes after the path's `duration` is left out.
+    The demonstrated movement is rolled out from the path's start to its end, without obstacles.
+    Both paths are compared at equal fractions of their durations, with the number of samples that
+    the demonstration has at that time step. Positions after `duration` are ignored.
 
     Args:
-        primitive: Learned from the demonstration.
-        positions: (N, 3) of the hand, from the moment when it may move [m].
-        duration: Of the movement [s]; what follows is rest.
-        time_step: Of the positions [s].
+        primitive: Primitive of the demonstration.
+        positions: (N, 3) of the hand, from the arm's start [m].
+        duration: Duration of the movement [s], without the rest after it.
+        time_step: Time step of the positions [s].
     """
     count = round(primitive.duration / time_step) + 1
     fractions = np.linspace(0.0, 1.0, count)
@@ -55,12 +55,12 @@ def demonstration_distance(
         goal=positions[-1],
         start_velocity=np.zeros(3),
     )
-    own = undisturbed.times / undisturbed.times[-1]
-    taken = np.arange(len(positions)) * time_step / duration
+    reference = undisturbed.times / undisturbed.times[-1]
+    performed = np.arange(len(positions)) * time_step / duration
     return trajectory_distance(
-        _at(fractions, own, undisturbed.positions), _at(fractions, taken, positions)
+        _at(fractions, reference, undisturbed.positions), _at(fractions, performed, positions)
     )
 
 
-def _at(fractions: npt.NDArray[Any], own: npt.NDArray[Any], positions: Array) -> Array:
-    return np.stack([np.interp(fractions, own, column) for column in positions.T], axis=1)
+def _at(fractions: npt.NDArray[Any], own_fractions: npt.NDArray[Any], positions: Array) -> Array:
+    return np.stack([np.interp(fractions, own_fractions, column) for column in positions.T], axis=1)

@@ -1,6 +1,6 @@
 """OMPL's RRT-Connect with path smoothing, over Drake's collision checker.
 
-OMPL is in the `bench` extra; it is imported by what needs it.
+OMPL is in the `bench` extra and imported only where needed.
 """
 
 from functools import lru_cache
@@ -14,32 +14,32 @@ from pepper_drake.benchmarking.known_scene import GroundTruthScene
 Array = npt.NDArray[np.float64]
 
 _RESOLUTION = 0.01
-"""Between the checks along a motion, as a share of the joint space's extent."""
+"""Distance between checks along a motion, as a fraction of the joint space's extent."""
 
 
 @lru_cache(maxsize=1)
 def seed_ompl(seed: int) -> None:
-    """Seeds OMPL's random numbers, once: OMPL has one seed for a whole process."""
+    """Seeds OMPL's random numbers, once, since OMPL has one seed per process."""
     from ompl import util
 
     util.setLogLevel(util.LOG_NONE)
-    util.RNG.setSeed(seed + 1)  # 0 is none.
+    util.RNG.setSeed(seed + 1)  # 0 means no seed.
 
 
 def rrt_connect(
     known: GroundTruthScene, base_pose: Array, goals: list[Array], *, seconds: float = 5.0
 ) -> Array | None:
-    """Plans from the arm's start to one of some postures.
+    """Plans from the arm's start to one of several postures.
 
     Args:
         known: The scene.
         base_pose: (3,) x, y, yaw in W.
         goals: Postures (5,) [rad].
-        seconds: Longest time to search.
+        seconds: Time limit of the search.
 
     Returns:
-        Corners (K, 5) of the path after OMPL's simplification and smoothing [rad]; None if it finds
-        none.
+        Waypoints (K, 5) of the path after OMPL's simplification and smoothing [rad]; None if no
+        path was found.
     """
     from ompl import base, geometric
 

@@ -1,9 +1,9 @@
-"""The obstacle coupling of the package movement_primitives, as a coupling of ours.
+"""The obstacle coupling of the package movement_primitives, for our primitives.
 
-Its DMP and ours are the same equation: tau² y'' = alpha (beta (g - y) - tau y') + f + C_t, with C_t
-what its `obstacle_avoidance_acceleration_3d` returns; so its coupling, computed by its own function
-with its own constants, can drive our primitive. It knows one obstacle, a point; here that is the
-point of the cloud nearest to the hand. The package is in the `bench` extra.
+Its DMP and ours have the same equation: tau² y'' = alpha (beta (g - y) - tau y') + f + C_t, where
+C_t is the output of its `obstacle_avoidance_acceleration_3d`. So its own function, with its own
+constants, can drive our primitive. It takes one obstacle point: here the point of the cloud nearest
+to the hand. The package is in the `bench` extra.
 """
 
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PackageCoupling(ReportCoupling):
-    """See the module; it is the report's equation for one point.
+    """The package's coupling: the report's equation for one point; see the module.
 
     Attributes:
         gamma: Strength, the package's default.
-        beta: How fast the push fades with the angle, the package's default [1/rad].
+        beta: Decay of the coupling with the angle, the package's default [1/rad].
     """
 
     gamma: float = 1000.0
@@ -45,7 +45,7 @@ class PackageCoupling(ReportCoupling):
         if len(field.points):
             for k, (position, velocity) in enumerate(hands):
                 nearest = np.argmin(np.sum((field.points - position) ** 2, axis=1))
-                with np.errstate(invalid="ignore"):  # It heads exactly for the point.
+                with np.errstate(invalid="ignore"):  # The hand heads exactly for the point.
                     push = obstacle_avoidance_acceleration_3d(
                         position, velocity, field.points[nearest], self.gamma, self.beta
                     )

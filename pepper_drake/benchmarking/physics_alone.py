@@ -1,6 +1,6 @@
-"""The physics alone: what a whole diagram's speed is measured against.
+"""Simulation of the physics alone, as the reference for the speed of the whole diagram.
 
-Its ratio to the diagram's speed holds on any machine, where both run by turns in one process.
+The ratio of both speeds is valid on any machine if both run alternately in one process.
 """
 
 import numpy as np
@@ -21,11 +21,11 @@ from pepper_drake.models.scene import Scene
 
 
 def make_physics(scene: Scene, like: PepperStation) -> Simulator:
-    """Returns a simulator of a station's plant alone, all its motors holding their places.
+    """Returns a simulator of a station's plant alone, with all motors holding their positions.
 
     Args:
-        scene: What stands around the robot.
-        like: The station, whose time step and motors' gains it has.
+        scene: The scene around the robot.
+        like: The station whose time step and motor gains to use.
     """
     builder = DiagramBuilder()
     pair: tuple[MultibodyPlant, SceneGraph] = AddMultibodyPlant(

@@ -1,8 +1,8 @@
 """Pink's differential inverse kinematics with its collision barriers, from the true scene.
 
-Pink (Caron et al.) is in the `bench` extra, with the QP solver DAQP; both are imported by what
-needs them. A reactive policy: it plans nothing ahead, and stops where the goal and the barriers
-hold each other.
+Pink (Caron et al.) is in the `bench` extra, with the QP solver DAQP; both are imported only where
+needed. It is a reactive policy without planning, and stops where the goal task and the barriers
+balance.
 """
 
 from typing import Any
@@ -21,26 +21,26 @@ Array = npt.NDArray[np.float64]
 
 _MODEL = MODELS_DIR / "pepper"
 _NEAREST = 12
-"""Number of pairs of which each step keeps the distance."""
+"""Number of closest pairs with a barrier in each step."""
 _GAIN, _SAFE_GAIN = 10.0, 1.0
 _POSITION_COST, _ORIENTATION_COST, _TASK_GAIN = 10.0, 0.1, 0.05
-"""Weights of the hand's task: position comes first, as five joints cannot take every pose."""
+"""Weights of the hand's task; position has priority, as five joints cannot reach every pose."""
 _LONGEST = 6.0
 """Longest motion [s]."""
 _ARRIVED = 0.002
-"""Distance to the goal at which it ends [m]."""
+"""Distance to the goal at which the motion ends [m]."""
 
 
 def barrier_motion(known: GroundTruthScene, base_pose: Array, time_step: float = 0.01) -> Array:
-    """Joints (N, 5) every time step from the arm's start towards the goal [rad].
+    """Returns joints (N, 5) at each time step from the arm's start towards the goal [rad].
 
     Args:
         known: The scene, as it is now.
         base_pose: (3,) x, y, yaw in W.
-        time_step: s.
+        time_step: Time step [s].
 
     Returns:
-        The motion, which ends at the goal or where nothing moves any more.
+        The motion, which ends at the goal, where the arm stops, or where the QP has no solution.
     """
     import pink
     import pinocchio as pin
@@ -89,7 +89,7 @@ def _base(base_pose: Array) -> RigidTransform:
 
 
 def pinocchio_models(known: GroundTruthScene, base_pose: Array) -> tuple[Any, Any]:
-    """Pinocchio's model of the arm alone, its base at the origin, and its shapes with the scene."""
+    """Returns Pinocchio's model of the arm, with the base at the origin, and of all shapes."""
     import pinocchio as pin
 
     arm = arm_joints(known.scene.arm)
@@ -124,7 +124,7 @@ def pinocchio_models(known: GroundTruthScene, base_pose: Array) -> tuple[Any, An
 
 
 def _coal(shape: Shape) -> Any:
-    """The same shape for Pinocchio; a mesh's convex hull."""
+    """Returns a shape for Pinocchio; for a mesh, its convex hull."""
     import coal
 
     if isinstance(shape, Box):

@@ -1,17 +1,17 @@
 """A reach planned with perfect knowledge and performed without dynamics, measured like the others.
 
-The robot stands where our own planner would have it stand, if it knew everything, too; one place is
-tried after the other. What is planned is checked against the true shapes at 100 Hz, as the arm
-would move; a plan that touches is not performed, and the search goes on.
+The base poses are those of our own planner with perfect knowledge, tried one after the other. Each
+plan is checked against the true shapes at 100 Hz, as the arm would move. A plan in collision is not
+performed, and the search continues.
 
-The time to first motion is the processor's for the planner at the place where it found the way:
-goal postures, plan, smoothing, timing. What is not counted: the model of the scene, the places
-tried before, the check.
+The time to first motion is the planner's processor time at the base pose where it found the path:
+goal postures, planning, smoothing and timing. It does not include the model of the scene, base
+poses tried before, and the check.
 
-Where an obstacle moves, the planner knows its path: it plans with the obstacle where it
-starts and with the obstacle where it ends, and lets the arm wait, as long as it takes, up to the
-obstacle's end. A scene in which that finds nothing may still have a way through, but is not counted
-as one that can be solved, unless another method gets there.
+If an obstacle moves, the planner knows its path: it plans with the obstacle at its start, and with
+the obstacle at its end, and lets the arm wait as long as needed, up to the obstacle's end. A scene
+without such a plan may still have a solution, but counts as solvable only if another method solves
+it.
 """
 
 import time
@@ -43,21 +43,21 @@ from pepper_drake.results.reach_report import pose_error
 Array = npt.NDArray[np.float64]
 
 _STEP = 0.01
-_PATIENCE = 0.25
-"""Between the waiting times that are tried [s]."""
+_WAITING_STEP = 0.25
+"""Step between waiting times that are tried [s]."""
 _PADDINGS = (0.010, 0.003)
-"""Padding [m] between the arm and the scene, the largest that can be kept first."""
+"""Paddings between the arm and the scene, in the order of trying [m]."""
 _LONGEST_SEARCH = 60.0
-"""With each padding; of computing time, after which no further place to stand is tried [s]."""
+"""Computing time, for each padding, after which no further base pose is tried [s]."""
 _HOLDING = 1.0
-"""Time [s] that the hand stays at its goal."""
+"""Minimum time that the hand stays at its goal [s]."""
 
 Motions = Callable[[GroundTruthScene, Array, int], Iterator[Array]]
-"""Yields motions (N, 5) from a place to stand (3,) and a seed, every 10 ms [rad]."""
+"""Yields motions (N, 5) [rad], sampled every 10 ms, for a scene, a base pose (3,) and a seed."""
 
 
 class _Found(NamedTuple):
-    """Motion (N, 5), what is waited before it [s], where, and the planner's time for it [s]."""
+    """Motion (N, 5), waiting time before it [s], base pose, and planning time [s]."""
 
     motion: Array
     waiting: float
@@ -66,7 +66,7 @@ class _Found(NamedTuple):
 
 
 def rrt_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
-    """One motion by RRT-Connect to whichever goal posture is found first."""
+    """Yields one motion by RRT-Connect to the goal posture that it reaches first."""
     seed_ompl(seed)
     goals = goal_postures(known, base_pose, np.random.default_rng(seed))
     corners = rrt_connect(known, base_pose, goals) if goals else None
@@ -76,7 +76,7 @@ def rrt_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterato
 
 
 def roboplan_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
-    """One motion by RoboPlan to the first goal posture to which it finds a way."""
+    """Yields one motion by RoboPlan to the first goal posture with a path."""
     goals = goal_postures(known, base_pose, np.random.default_rng(seed))
     corners = roboplan_rrt(known, base_pose, goals, seed=seed)
     motion = timed_path(known.scene.arm, corners) if corners is not None else None
@@ -85,25 +85,25 @@ def roboplan_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> It
 
 
 def barrier_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
-    """The one motion of a reactive policy, which nothing random drives."""
+    """Yields the one motion of a reactive, deterministic policy."""
     yield barrier_motion(known, base_pose)
 
 
 def optimized_motions(known: GroundTruthScene, base_pose: Array, seed: int) -> Iterator[Array]:
-    """One motion by trajectory optimisation to each goal posture."""
+    """Yields one motion by trajectory optimisation to each goal posture."""
     for goal in goal_postures(known, base_pose, np.random.default_rng(seed)):
         yield optimized_motion(known, base_pose, goal)
 
 
 @dataclass(frozen=True)
 class PlannedReach:
-    """A reach by a planner that knows the scene.
+    """A reach by a planner with perfect knowledge.
 
     Attributes:
         motions: The planner.
-        prepare: Makes its model of the scene, whose time is not counted.
-        reactive: Whether it plans nothing ahead: it moves after the time of one step.
-        options: None: `reach.py` does not do this.
+        prepare: Makes the planner's model of the scene; its time is not counted.
+        reactive: Whether it is a reactive policy, which moves after the time of one step.
+        options: None, as `reach.py` has no such method.
     """
 
     motions: Motions
@@ -116,7 +116,7 @@ class PlannedReach:
         return self._run(case)[0]
 
     def replay(self, case: Case, folder: Path) -> MethodResult:
-        """Plans again and leaves `recording.html`, if there is anything to see."""
+        """Plans again and writes `recording.html`, if a motion was found."""
         result, known, found = self._run(case)
         if found is not None:
             folder.mkdir(parents=True, exist_ok=True)
@@ -142,13 +142,13 @@ class PlannedReach:
         return result, known, found
 
     def _search(self, known: GroundTruthScene, seed: int) -> _Found | None:
-        """The first motion from any place that touches nothing and ends at the goal."""
+        """Returns the first motion from any base pose that is free and ends at the goal."""
         self.prepare(known)
-        quiet, begin = known.quiet_after, time.process_time()
+        stop_time, begin = known.quiet_after, time.process_time()
         for place in known.candidate_base_poses():
             if time.process_time() - begin > _LONGEST_SEARCH:
                 break
-            for moment in (0.0, quiet) if quiet else (0.0,):
+            for moment in (0.0, stop_time) if stop_time else (0.0,):
                 found = self._search_from(known, place, moment, seed)
                 if found is not None:
                     return found
@@ -158,14 +158,14 @@ class PlannedReach:
     def _search_from(
         self, known: GroundTruthScene, place: Array, moment: float, seed: int
     ) -> _Found | None:
-        """The same from one place, planned with the obstacles where they are at a moment."""
+        """Does the same from one base pose, planned with the obstacles as at a given time."""
         known.set_time(moment)
         begin = time.process_time()
         for motion in self.motions(known, place, seed):
             seconds = time.process_time() - begin
             counted = seconds / len(motion) if self.reactive else seconds
             error, _ = pose_error(known.hand_poses(motion[-1:], place)[0], known.X_WG)
-            for waiting in np.arange(0.0, known.quiet_after + _PATIENCE, _PATIENCE):
+            for waiting in np.arange(0.0, known.quiet_after + _WAITING_STEP, _WAITING_STEP):
                 clearance, _ = known.clearance(_whole(known, motion, waiting), place)
                 if error <= POSITION_TOLERANCE and clearance > 0.0:
                     return _Found(motion, float(waiting), place, counted)
@@ -175,7 +175,7 @@ class PlannedReach:
 
 
 def _whole(known: GroundTruthScene, motion: Array, waiting: float) -> Array:
-    """All that the arm does: wait, move, and hold until nothing moves any more."""
+    """Returns the whole motion: waiting, moving, and holding until all obstacles have stopped."""
     before = np.repeat(motion[:1], round(waiting / _STEP), axis=0)
     held = max(_HOLDING, known.quiet_after - waiting - len(motion) * _STEP)
     after = np.repeat(motion[-1:], round(held / _STEP), axis=0)
@@ -183,7 +183,7 @@ def _whole(known: GroundTruthScene, motion: Array, waiting: float) -> Array:
 
 
 def _measure(result: MethodResult, known: GroundTruthScene, found: _Found) -> None:
-    """Fills in the numbers of a motion that reaches."""
+    """Fills in the result of a motion that reaches."""
     arm = known.scene.arm
     result.outcome = "reached"
     result.first_motion_seconds = found.seconds + found.waiting

@@ -1,4 +1,4 @@
-"""A planned motion as a page that opens in any browser."""
+"""A planned motion as a page for any browser."""
 
 import numpy as np
 import numpy.typing as npt

@@ -1,6 +1,6 @@
 """RoboPlan's RRT-Connect with path shortcutting, over its own model of robot and scene.
 
-RoboPlan is in the `bench` extra; it is imported by what needs it.
+RoboPlan is in the `bench` extra and imported only where needed.
 """
 
 from functools import lru_cache
@@ -17,7 +17,7 @@ from pepper_drake.models.pepper import JOINT_GROUPS, MODELS_DIR
 Array = npt.NDArray[np.float64]
 
 _STEP = 0.05
-"""Between the checks along a motion, RoboPlan's default [rad]."""
+"""Distance between checks along a motion, RoboPlan's default [rad]."""
 _MODEL = MODELS_DIR / "pepper"
 
 
@@ -29,17 +29,17 @@ def roboplan_rrt(
     seed: int,
     seconds: float = 5.0,
 ) -> Array | None:
-    """Plans from the arm's start to the first of some postures to which there is a path.
+    """Plans from the arm's start to the first of several postures with a path.
 
     Args:
         known: The scene.
         base_pose: (3,) x, y, yaw in W.
         goals: Postures (5,) [rad].
-        seed: Of RoboPlan's random numbers.
-        seconds: Longest time to search for each posture.
+        seed: Seed of RoboPlan's random numbers.
+        seconds: Time limit of the search for each posture.
 
     Returns:
-        Corners (K, 5) of the path after RoboPlan's shortcutting [rad]; None if it finds none.
+        Waypoints (K, 5) of the path after RoboPlan's shortcutting [rad]; None if none was found.
     """
     from roboplan import core, rrt
 
@@ -63,10 +63,10 @@ def roboplan_rrt(
     for goal in goals:
         try:
             path = planner.plan(start, core.JointConfiguration(names, goal))
-        except RuntimeError:  # It finds none; that is how it says so.
+        except RuntimeError:  # RoboPlan found no path.
             continue
         corners = np.array(core.PathShortcutter(scene, shortcuts).shortcut(path).positions)
-        # It does not know the elbow's coupled limit, nor Drake's shape of a mesh.
+        # RoboPlan does not know the elbow's coupled limit, nor Drake's shape of a mesh.
         if all(known.free(joints, base_pose) for joints in corners):
             return corners
     return None
@@ -74,11 +74,11 @@ def roboplan_rrt(
 
 @lru_cache(maxsize=1)
 def roboplan_model(known: GroundTruthScene) -> Any:
-    """RoboPlan's model of a scene.
+    """Returns RoboPlan's model of a scene.
 
-    It has no capsules, and no padding: solids are grown by the padding of `known`; a capsule is the
-    cylinder around it, a mesh the box around it. What the arm's links may touch is the same as for
-    Drake's checker.
+    RoboPlan has neither capsules nor padding: solids are grown by the padding of `known`; a capsule
+    becomes the cylinder around it, a mesh the box around it. The collision pairs of the arm's links
+    are the same as in Drake's checker.
     """
     from roboplan import core
 
@@ -96,7 +96,7 @@ def roboplan_model(known: GroundTruthScene) -> Any:
     for name, shape, _ in known.solids():
         _add(scene, name, shape, known.padding)
         added.append(name)
-    # What stands on one another touches, and what stands still need not be looked at.
+    # Solids may touch one another, and resting links need no check.
     pairs = [(one, other) for k, one in enumerate(added) for other in added[:k]]
     pairs += [(link, name) for link in known.resting_links() for name in added]
     scene.setCollisions(pairs, False)
@@ -104,7 +104,7 @@ def roboplan_model(known: GroundTruthScene) -> Any:
 
 
 def roboplan_scene(known: GroundTruthScene, base_pose: Array) -> Any:
-    """The model with the solids where they are now, in the frame of the base at the origin."""
+    """Returns the model with the solids at their current poses, with the base at the origin."""
     scene = roboplan_model(known)
     x, y, yaw = base_pose
     X_BW = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, 0.0]).inverse()
@@ -115,7 +115,7 @@ def roboplan_scene(known: GroundTruthScene, base_pose: Array) -> Any:
 
 
 def _middle(shape: Shape) -> Array:
-    """Middle of its box in a mesh's frame [m]; others have theirs at the origin."""
+    """Returns the centre of a mesh's box in the mesh's frame [m]; other shapes: the origin."""
     if not isinstance(shape, Convex):
         return np.zeros(3)
     corners = _corners(shape)
@@ -128,22 +128,22 @@ def _corners(shape: Convex) -> Array:
 
 
 def _add(scene: Any, name: str, shape: Shape, padding: float) -> None:
-    """Adds a solid, grown by the padding; `roboplan_scene` puts it where it is."""
+    """Adds a solid, grown by the padding; `roboplan_scene` sets its pose."""
     from roboplan import core
 
-    color, more, X = np.array([0.7, 0.6, 0.5, 1.0]), 2.0 * padding, np.asfortranarray(np.eye(4))
+    color, growth, X = np.array([0.7, 0.6, 0.5, 1.0]), 2.0 * padding, np.asfortranarray(np.eye(4))
     if isinstance(shape, Box):
-        box = core.Box(shape.width() + more, shape.depth() + more, shape.height() + more)
+        box = core.Box(shape.width() + growth, shape.depth() + growth, shape.height() + growth)
         scene.addBoxGeometry(name, "odom", box, X, color)
     elif isinstance(shape, Sphere):
         scene.addSphereGeometry(name, "odom", core.Sphere(shape.radius() + padding), X, color)
     elif isinstance(shape, Cylinder | Capsule):
         round_ends = 2.0 * shape.radius() if isinstance(shape, Capsule) else 0.0
-        length = shape.length() + round_ends + more
+        length = shape.length() + round_ends + growth
         cylinder = core.Cylinder(shape.radius() + padding, length)
         scene.addCylinderGeometry(name, "odom", cylinder, X, color)
     elif isinstance(shape, Convex):
-        box = core.Box(*(np.ptp(_corners(shape), axis=0) + more))
+        box = core.Box(*(np.ptp(_corners(shape), axis=0) + growth))
         scene.addBoxGeometry(name, "odom", box, X, color)
     else:
         raise TypeError(f"{name} has a shape that is unknown here: {shape}")

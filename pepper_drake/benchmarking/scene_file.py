@@ -1,4 +1,4 @@
-"""A scene as a JSON file that needs nothing of ours to be read; see docs/arena.md."""
+"""A scene as a JSON file that other programs can read; see docs/arena.md."""
 
 import json
 from collections.abc import Sequence
@@ -22,9 +22,9 @@ Array = npt.NDArray[np.float64]
 FORMAT = "pepper arena scene"
 VERSION = 1
 POSITION_TOLERANCE = 0.010
-"""Tolerance of the hand at its goal [m]; a run counts as reached within it."""
+"""Position error of the hand within which a run counts as reached [m]."""
 _PATH_STEP = 0.02
-"""Between the rows of a path [s]."""
+"""Largest time between the rows of a path [s]."""
 
 
 def scene_content(scene: Scene) -> dict[str, Any]:
@@ -105,7 +105,7 @@ def _pose(X_WS: RigidTransform) -> dict[str, list[float]]:
 
 
 def _path(rows: Sequence[Sequence[float]]) -> list[list[float]]:
-    """Rows of time and offset in W, so close that straight lines between them will do."""
+    """Returns rows of time and offset in W, dense enough for linear interpolation."""
     if not rows:
         return []
     path = path_trajectory(rows)

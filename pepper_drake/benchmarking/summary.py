@@ -1,4 +1,4 @@
-"""Summary of many runs: rates with their uncertainty, and a table."""
+"""Summary of many runs: rates with confidence intervals, and a table."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ class Rate:
 
     @property
     def value(self) -> float:
-        """The share, 0 to 1; NaN of nothing."""
+        """Rate from 0 to 1; NaN if the total is 0."""
         return self.count / self.total if self.total else float("nan")
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Wilson's confidence interval of the share."""
+        """Returns Wilson's confidence interval of the rate."""
         if not self.total:
             return 0.0, 1.0
         found = binomtest(self.count, self.total).proportion_ci(confidence, method="wilson")
@@ -39,12 +39,12 @@ class Rate:
 
 @dataclass(frozen=True)
 class Scenes:
-    """The scenes of a benchmark, and which of them rates are of.
+    """The scenes of a benchmark, and those that count for rates.
 
     Attributes:
-        all: By name.
-        solvable: Those that some method solved; None if no method with perfect knowledge was asked,
-            as then it is not known of the others.
+        all: Names of all scenes.
+        solvable: Names of scenes that some method solved; None if no method with perfect knowledge
+            was run, as the others may be solvable then.
     """
 
     all: frozenset[str]
@@ -52,21 +52,21 @@ class Scenes:
 
     @classmethod
     def of(cls, results: Sequence[MethodResult]) -> Self:
-        """The scenes of these results."""
-        asked = any(get_method(result.method).knows_all for result in results)
+        """Returns the scenes of some results."""
+        is_known = any(get_method(result.method).knows_all for result in results)
         return cls(
             frozenset(result.case for result in results),
-            frozenset(solvable(results)) if asked else None,
+            frozenset(solvable(results)) if is_known else None,
         )
 
     @property
     def counted(self) -> frozenset[str]:
-        """Those that rates are of."""
+        """Names of the scenes that count for rates."""
         return self.all if self.solvable is None else self.solvable
 
     @property
     def share(self) -> str:
-        """Number of runs that rates are a share of."""
+        """Description of the scenes that count for rates."""
         return "all scenes" if self.solvable is None else "the scenes that can be solved"
 
     def __str__(self) -> str:
@@ -80,16 +80,16 @@ class Scenes:
 
 @dataclass(frozen=True)
 class MethodSummary:
-    """One method over all scenes that count.
+    """Summary of one method over all scenes that count; see `Scenes`.
 
     Attributes:
-        method: Its letter.
-        rates: By outcome, of the scenes that count; see `Scenes`.
-        touched_elsewhere: Of the others, which no method solved.
-        medians: By field of `MethodResult`, over the runs that reached; NaN if none did.
+        method: The method's letter.
+        rates: Rates of the outcomes, over the scenes that count.
+        touched_elsewhere: Rate of contacts in the other scenes, which no method solved.
+        medians: Medians of fields of `MethodResult` over the runs that reached; NaN if none did.
         first_motion_90: 90th percentile of the time to first motion [s], likewise.
-        largest_touch_speed: Of link and obstacle against each other [m/s], over all scenes; NaN if
-            nothing was touched.
+        largest_touch_speed: Largest relative speed of link and obstacle at a contact [m/s], over
+            all scenes; NaN without contacts.
     """
 
     method: str
@@ -118,18 +118,18 @@ _MEDIANS = (
 
 
 def solvable(results: Iterable[MethodResult]) -> set[str]:
-    """The cases that can be solved: some method reached there and touched nothing."""
+    """Returns the solvable cases: those in which some method reached without contact."""
     return {result.case for result in results if result.outcome == "reached"}
 
 
 def summarise(results: Sequence[MethodResult]) -> list[MethodSummary]:
-    """Adds up the runs of each method, in the order of the letters."""
+    """Summarises the runs of each method, in the order of the letters."""
     possible = Scenes.of(results).counted
     summaries = []
     for letter in sorted({result.method for result in results}):
-        mine = [result for result in results if result.method == letter]
-        counted = [result for result in mine if result.case in possible]
-        others = [result for result in mine if result.case not in possible]
+        runs = [result for result in results if result.method == letter]
+        counted = [result for result in runs if result.case in possible]
+        others = [result for result in runs if result.case not in possible]
         reached = [result for result in counted if result.outcome == "reached"]
         waits = _numbers(reached, "first_motion_seconds")
         summaries.append(
@@ -142,14 +142,14 @@ def summarise(results: Sequence[MethodResult]) -> list[MethodSummary]:
                 touched_elsewhere=Rate(sum(r.outcome == "touched" for r in others), len(others)),
                 medians={name: _median(_numbers(reached, name)) for name in _MEDIANS},
                 first_motion_90=float(np.percentile(waits, 90)) if waits else float("nan"),
-                largest_touch_speed=max(_numbers(mine, "touch_speed"), default=float("nan")),
+                largest_touch_speed=max(_numbers(runs, "touch_speed"), default=float("nan")),
             )
         )
     return summaries
 
 
 def _numbers(results: Iterable[MethodResult], name: str) -> list[float]:
-    """The values of a field that are there."""
+    """Returns the finite values of a field."""
     values = (getattr(result, name) for result in results)
     return [value for value in values if value is not None and np.isfinite(value)]
 
@@ -169,7 +169,7 @@ HEADER = (
 
 
 def table_rows(summaries: Sequence[MethodSummary]) -> list[list[str]]:
-    """A row of words for each method, in the order of `HEADER`."""
+    """Returns a row of texts for each method, in the order of `HEADER`."""
     return [
         [
             get_method(summary.method).label,
@@ -190,7 +190,7 @@ def table_rows(summaries: Sequence[MethodSummary]) -> list[list[str]]:
 
 
 def markdown_table(summaries: Sequence[MethodSummary]) -> str:
-    """The summaries as a table in Markdown that is as readable in a terminal."""
+    """Returns the summaries as a Markdown table that is also readable in a terminal."""
     rows = table_rows(summaries)
     widths = [max(len(row[k]) for row in (HEADER, *rows)) for k in range(len(HEADER))]
     lines = [

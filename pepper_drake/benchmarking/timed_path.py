@@ -1,4 +1,4 @@
-"""From the corners of a joint path to joints over time, as fast as the limits allow."""
+"""Time-optimal parameterization of a joint path."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,19 +11,19 @@ from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 Array = npt.NDArray[np.float64]
 
 _GRID = 200
-"""Points of the path at which TOPP-RA keeps the limits."""
+"""Number of points of the path at which TOPP-RA keeps the limits."""
 
 
 def timed_path(arm: str, corners: Array, *, time_step: float = 0.01) -> Array | None:
-    """Joints (N, 5) every time step along a path, from rest to rest [rad].
+    """Returns joints (N, 5) at each time step along a path, from rest to rest [rad].
 
-    A curve without overshoot through the corners, timed by Drake's TOPP-RA (Pham and Pham 2018)
-    with the limits that our own arm has, too: half the rated speed, and its acceleration.
+    The path is a curve without overshoot through the waypoints, timed by Drake's TOPP-RA (Pham and
+    Pham 2018) with the limits of our own planner: half the rated speed, and its acceleration.
 
     Args:
         arm: "left" or "right".
-        corners: (K, 5) rad.
-        time_step: s.
+        corners: (K, 5) waypoints [rad].
+        time_step: Time step [s].
 
     Returns:
         The samples, the last one at rest; None if no timing keeps the limits.
@@ -33,7 +33,7 @@ def timed_path(arm: str, corners: Array, *, time_step: float = 0.01) -> Array | 
     own = model.command_limits(
         arm_joints(arm), speed_fraction=DifferentialIkParams().speed_fraction
     )
-    # TOPP-RA wants all joints of a plant; those that rest keep any limit.
+    # TOPP-RA needs limits for all joints of a plant; resting joints keep any.
     speed, acceleration = np.ones((2, model.plant.num_positions()))
     speed[index], acceleration[index] = own.velocity, own.acceleration
     path = _curve(corners, index, model.plant.num_positions())
@@ -49,7 +49,7 @@ def timed_path(arm: str, corners: Array, *, time_step: float = 0.01) -> Array | 
 
 
 def _curve(corners: Array, index: list[int], num_positions: int) -> PiecewisePolynomial:
-    """All joints over the length of the corners' chords."""
+    """Returns all joints as a function of the chord length between waypoints."""
     chords = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     kept = np.concatenate(([True], chords > 1e-9))
     positions = np.zeros((num_positions, int(kept.sum())))

@@ -14,33 +14,33 @@ from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 Array = npt.NDArray[np.float64]
 
 _CONTROL_POINTS = 10
-_CHECKED = 25
-"""Places along the path where collisions are looked at."""
+_NUM_CHECKS = 25
+"""Number of collision checks along the path."""
 _DURATIONS = (0.5, 6.0)
 _BEYOND_PADDING = 0.001
 _INFLUENCE = 0.03
 """Distance [m] beyond the padding within which obstacles influence the solver."""
 _MAJOR_ITERATIONS = 100
 _SECONDS = 5.0
-"""Longest time for one solution; the solver's usual one is below a second."""
+"""Time limit of one solution; usually the solver takes less than a second."""
 
 
 def optimized_motion(
     known: GroundTruthScene, base_pose: Array, goal: Array, *, time_step: float = 0.01
 ) -> Array:
-    """Joints (N, 5) every time step from the arm's start to a posture, from rest to rest [rad].
+    """Returns joints (N, 5) at each time step from the arm's start to a posture, at rest [rad].
 
-    As Drake's own examples do it: first without the obstacles, then from there with them; the
-    cost is duration and path length, the limits are those of our own arm.
+    As in Drake's own examples, the problem is solved without obstacles first, then with them from
+    that solution. The cost is duration and path length; the limits are those of our own planner.
 
     Args:
         known: The scene.
         base_pose: (3,) x, y, yaw in W.
         goal: Posture (5,) [rad].
-        time_step: s.
+        time_step: Time step [s].
 
     Returns:
-        The samples of what the solver ends with; whether it is clear is to be checked.
+        Samples of the solver's final iterate; the caller must check it for collisions.
     """
     start, end = known.positions(known.start, base_pose), known.positions(goal, base_pose)
     problem = KinematicTrajectoryOptimization(len(start), _CONTROL_POINTS, 4, 2.0)
@@ -49,7 +49,7 @@ def optimized_motion(
         arm_joints(known.scene.arm),
         speed_fraction=DifferentialIkParams().speed_fraction,
     )
-    speed, acceleration = np.ones((2, len(start)))  # Of what does not move: any.
+    speed, acceleration = np.ones((2, len(start)))  # Any limit for resting joints.
     speed[known.arm_index], acceleration[known.arm_index] = limits.velocity, limits.acceleration
     problem.AddPositionBounds(lower, upper)
     problem.AddVelocityBounds(-speed, speed)
@@ -71,7 +71,7 @@ def optimized_motion(
         penalty_function=None,
         influence_distance_offset=_INFLUENCE,
     )
-    for place in np.linspace(0.0, 1.0, _CHECKED):
+    for place in np.linspace(0.0, 1.0, _NUM_CHECKS):
         problem.AddPathPositionConstraint(clear, place)
     motion = _solved(problem)
     times = np.append(np.arange(0.0, motion.end_time(), time_step), motion.end_time())
@@ -79,7 +79,7 @@ def optimized_motion(
 
 
 def _solved(problem: KinematicTrajectoryOptimization) -> BsplineTrajectory:
-    """Final iterate of the solver, optimal or not: the caller checks the motion."""
+    """Returns the solver's final iterate, optimal or not: the caller checks the motion."""
     options = SolverOptions()
     options.SetOption(SnoptSolver.id(), "Major iterations limit", _MAJOR_ITERATIONS)
     options.SetOption(SnoptSolver.id(), "Time limit", _SECONDS)

@@ -1,1 +1,1 @@
-"""Diagrams built of the systems: the station and what is done with it."""
+"""Diagrams: the station, and the applications built on it."""

@@ -1,4 +1,4 @@
-"""THE arm controller: from a movement and what is perceived to the arm's next joint command."""
+"""The arm controller: computes the arm's next joint command from a movement and perception."""
 
 from collections.abc import Sequence
 
@@ -60,17 +60,17 @@ class ArmController(Diagram):
         - limp
 
     Inputs: `movement`, abstract Movement; `object_pose` X_WO, `torso_pose` X_WT and `hand_pose`
-    X_TH (RigidTransform); `arm_position` (5), measured [rad]; `cloud` and `predicted_cloud`, where
-    obstacles are and where moving ones will be soon (PointCloud in T [m]); `speed` (1), the share
-    of its speed at which the movement is performed, along the same path; `slowdown` (1) and
-    `external_coupling` (3) [m], which are added to those of the obstacles; `arm_mode`,
-    `joint_target` and `stop_reason`: see `ArmCommand`.
+    X_TH (RigidTransform); `arm_position` (5), measured [rad]; `cloud` and `predicted_cloud`,
+    present obstacles and the predicted positions of moving ones (PointCloud in T [m]); `speed` (1),
+    speed scale of the movement, along the same path; `slowdown` (1) and `external_coupling` (3)
+    [m], added to those of the obstacles; `arm_mode`, `joint_target` and `stop_reason`: see
+    `ArmCommand`.
 
     Outputs: `position_command` (5) [rad] and `velocity_command` (5) [rad/s] of the arm's joints;
     `desired_position` (3) [m] and `desired_orientation` (4; w, x, y, z) of the hand in T;
     `goal_position` (3), the hand's goal in T [m]; `phase` (1), `tau` (1) [s]; `slowdown` (1) and
-    `coupling` (3) [m], all that acts on phase and position; `active` (1), 1 while the arm moves by
-    itself; `limp` (1), 1 while it is led.
+    `coupling` (3) [m], the sums of all couplings; `active` (1), 1 while the arm moves by itself;
+    `limp` (1), 1 while it is limp.
     """
 
     def __init__(
@@ -88,10 +88,10 @@ class ArmController(Diagram):
         Args:
             model: Pepper.
             arm: "left" or "right".
-            primitive: An example of what is performed, with orientation and posture.
-            start_position: (5,) of the arm in contexts that are not initialized [rad].
+            primitive: An example of the primitives to perform, with orientation and posture.
+            start_position: The arm's joints (5,) in uninitialized contexts [rad].
             ik: Parameters of the inverse kinematics, with the controller's period.
-            phase_stopping: How the movement waits for a hand that is pushed; None: it does not.
+            phase_stopping: Waiting of the movement for a hand that is pushed; None for none.
 
         Raises:
             InputError: The primitive has no orientation or no posture.
@@ -112,7 +112,7 @@ class ArmController(Diagram):
         build_into(builder, self)
 
     def _add_primitive(self, primitive: MovementPrimitive) -> None:
-        """Canonical system and both transformation systems, from the hand to its goal."""
+        """Adds the canonical system and both transformation systems, with hand pose and goal."""
         add, time_step = self._builder.AddNamedSystem, self._ik.time_step
         self._goal = add("hand_goal", HandGoalPose(time_step=time_step))
         self._hand = add("hand_pose", PoseVectors())
@@ -131,7 +131,7 @@ class ArmController(Diagram):
             connect(self._builder, self._hand, system, **{kind: f"start_{kind}"})
 
     def _add_couplings(self, phase_stopping: PhaseStopping | None) -> None:
-        """Adds what slows the movement down and bends it."""
+        """Adds the coupling terms and their sum."""
         add, translation = self._builder.AddNamedSystem, self._translation
         self._obstacles = add("obstacle_coupling", ObstacleCoupling())
         connect(
@@ -161,7 +161,7 @@ class ArmController(Diagram):
             self._performers.append(waiting)
 
     def _add_joints(self, model: ControlModel, arm: str, start: Sequence[float]) -> None:
-        """From the hand's next pose to the arm's next command."""
+        """Adds inverse kinematics and joint command."""
         add, params = self._builder.AddNamedSystem, self._ik
         bus = add("feedforward_pose", FeedforwardPose(hand_key(arm), params.tracking_gain))
         for system, kind in ((self._translation, "position"), (self._rotation, "orientation")):
@@ -185,7 +185,7 @@ class ArmController(Diagram):
         connect(self._builder, self._posture, ik, joint_position="nominal_posture")
 
     def _export(self) -> None:
-        """Exports the ports; `movement` goes to all that perform it."""
+        """Exports the ports; `movement` goes to all systems that need it."""
         builder, goal, command = self._builder, self._goal, self._command
         performers = [goal, self._canonical, self._translation, self._rotation, self._obstacles]
         performers += [self._posture, command, *self._performers]

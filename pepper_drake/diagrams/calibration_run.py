@@ -1,4 +1,4 @@
-"""A robot goes through postures with a marker on its hand, and its cameras look at that."""
+"""Calibration run: the robot visits postures while its cameras see a marker on its hand."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -53,27 +53,27 @@ from pepper_drake.systems.framework import Diagram, build_into
 Vector = npt.NDArray[np.float64]
 
 SPEED, ACCELERATION = 1.0, 3.0
-"""Largest speed [rad/s] and acceleration [rad/s²] on the way: nothing is in a hurry."""
+"""Largest speed [rad/s] and acceleration [rad/s²] between postures."""
 _APPROACH_TIME = 0.5
-"""Time in which a posture is come to from its one side [s]."""
+"""Duration of the final approach to a posture, always from the same side [s]."""
 SETTLING = 0.5
-"""Time after which robot and cameras are still [s]."""
+"""Settling time of robot and cameras [s]."""
 _LOOKING = 0.5
-"""Time for which the cameras look [s]: they take an image every 0.2 s, which is 0.15 s late."""
+"""Time for which the cameras are on [s]: images come every 0.2 s, with a latency of 0.15 s."""
 _EDGE_SIGMA = 0.1
-"""Standard deviation of corners from all edges of the pattern [pixel]; the fit measures it anew."""
+"""Standard deviation of corners fitted to all pattern edges [pixel]; the fit re-estimates it."""
 _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 5.774
-"""Peaks of a minimum-jerk motion of unit length and time."""
+"""Peak speed and acceleration of a minimum-jerk motion of unit length and duration."""
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationMotion:
-    """Commands of all joints, and when the robot stands and looks.
+    """Commands of all joints, and the times at which images are taken.
 
     Attributes:
         times: (N,) [s].
         positions: (N, 15) [rad].
-        looks: Beginning and end of each look [s], one for each posture.
+        looks: Start and end of taking images [s], one pair for each posture.
     """
 
     times: Vector
@@ -84,29 +84,29 @@ class CalibrationMotion:
 def plan_motion(
     postures: Sequence[CalibrationPosture], arm: str, start: Vector, begin: float = 0.0
 ) -> CalibrationMotion:
-    """Plans the motion through postures and back, at rest in each.
+    """Plans the motion through postures and back to the start, at rest in each.
 
     Args:
-        postures: In their order.
+        postures: The postures in order.
         arm: "left" or "right".
         start: All joints (15,) at the start [rad].
-        begin: When it begins [s].
+        begin: Start time [s].
     """
     moving = body_indices((*JOINT_GROUPS["head"], *arm_joints(arm)))
     times, rows = [np.array([begin])], [start[None]]
     looks: list[tuple[float, float]] = []
     now, here = begin, np.asarray(start, dtype=float)
 
-    def move(joints: Vector, least: float) -> None:
+    def move(joints: Vector, min_duration: float) -> None:
         nonlocal now, here
         there = here.copy()
         there[moving] = joints
-        way = float(np.abs(there - here).max())
-        needed = max(way * _PEAK_SPEED / SPEED, np.sqrt(way * _PEAK_ACCELERATION / ACCELERATION))
-        steps = max(int(np.ceil(max(needed, least) / CONTROL_PERIOD)), 1)
-        share = minimum_jerk(np.arange(1, steps + 1) / steps)[:, None]
+        turn = float(np.abs(there - here).max())
+        needed = max(turn * _PEAK_SPEED / SPEED, np.sqrt(turn * _PEAK_ACCELERATION / ACCELERATION))
+        steps = max(int(np.ceil(max(needed, min_duration) / CONTROL_PERIOD)), 1)
+        progress = minimum_jerk(np.arange(1, steps + 1) / steps)[:, None]
         times.append(now + CONTROL_PERIOD * np.arange(1, steps + 1))
-        rows.append(here + share * (there - here))
+        rows.append(here + progress * (there - here))
         now, here = now + CONTROL_PERIOD * steps, there
 
     for posture in postures:
@@ -121,14 +121,14 @@ def plan_motion(
 
 
 class CalibrationDrive(Diagram):
-    """A station that is led through a motion, its base at rest.
+    """Moves a station's joints along a calibration motion, with the base at rest.
 
     .. pydrake_system::
 
         name: CalibrationDrive
 
     Attributes:
-        station: Simulated or real.
+        station: The station, simulated or real.
     """
 
     def __init__(self, station: Diagram, motion: CalibrationMotion) -> None:
@@ -136,11 +136,11 @@ class CalibrationDrive(Diagram):
 
         Args:
             station: A `PepperStation` with cameras, or another with its ports.
-            motion: What it is to do.
+            motion: The motion.
         """
         super().__init__()
         builder = DiagramBuilder()
-        # A real robot's station has the same ports, less those of the truth.
+        # A real robot's station has the same ports except for `ground_truth.*`.
         self.station: PepperStation = builder.AddNamedSystem(
             "station", cast(PepperStation, station)
         )
@@ -160,7 +160,7 @@ class CalibrationDrive(Diagram):
 
 
 def _when(motion: CalibrationMotion) -> PiecewisePolynomial:
-    """1 while the cameras are to look, else 0."""
+    """Returns a trajectory that is 1 while images are taken, else 0."""
     edges = [0.0, *(time for look in motion.looks for time in look)]
     values = [0.0, *(value for _ in motion.looks for value in (1.0, 0.0))]
     last = max(float(motion.times[-1]), edges[-1]) + 1.0
@@ -169,15 +169,15 @@ def _when(motion: CalibrationMotion) -> PiecewisePolynomial:
 
 @dataclass
 class MarkerCollector:
-    """Takes the images of each look, and finds the marker in them.
+    """Collects the images of each posture and finds the marker in them.
 
     Attributes:
         station: The station.
-        motion: What it does.
+        motion: Its motion.
         postures: The postures, in the same order.
         arm: "left" or "right".
-        marker: On its hand.
-        sightings: What was found.
+        marker: The marker on its hand.
+        sightings: The sightings so far.
         on_look: Called after each posture with the number of images in which the marker was seen.
     """
 
@@ -191,7 +191,7 @@ class MarkerCollector:
     _taken: int = 0
 
     def watch(self, root: Context) -> bool:
-        """Looks whether a posture's images are there; returns whether the motion is over."""
+        """Collects a posture's images once they have arrived; tells if the motion is over."""
         time = root.get_time()
         looks = self.motion.looks
         while self._taken < len(looks) and time >= looks[self._taken][1]:
@@ -208,7 +208,7 @@ class MarkerCollector:
         for camera in COLOR_CAMERAS:
             stamp = self.station.GetOutputPort(f"{camera}.time_stamp").Eval(context)[0]
             if stamp < self.motion.looks[number][0] - 1e-9:
-                continue  # No image came.
+                continue  # No image arrived.
             image = self.station.GetOutputPort(f"{camera}.image").Eval(context).data
             corners = find_marker(image, camera, self.marker)
             if corners is None:
@@ -230,10 +230,10 @@ class MarkerCollector:
 def find_marker(
     image: npt.NDArray[np.uint8], camera: str, marker: HandMarker
 ) -> tuple[Vector, float] | None:
-    """Finds a marker's corners in an image of a head camera, to a fraction of a pixel.
+    """Finds a marker's corners in an image of a head camera with subpixel accuracy.
 
-    The corners are those of the pose that fits all edges of the pattern: an image's own, whatever
-    the camera's focal length truly is.
+    The corners are the projections of the pose that fits all edges of the pattern, so they do not
+    depend on an error of the focal length.
 
     Args:
         image: Colour image.
@@ -241,7 +241,7 @@ def find_marker(
         marker: The marker.
 
     Returns:
-        The corners (4, 2) and their standard deviation [pixel]; None where the marker is not seen.
+        The corners (4, 2) and their standard deviation [pixel]; None if the marker is not seen.
     """
     intrinsics = HEAD_CAMERA_MODELS[camera].intrinsics
     found = [d for d in detect_markers(image, wanted=marker.id) if d.id == marker.id]
@@ -268,7 +268,7 @@ class CalibrationParams:
     postures: int = 20
     """Number of postures."""
     marker: HandMarker = field(default_factory=HandMarker)
-    """The marker, as it should be on the hand."""
+    """The marker, with its nominal pose on the hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,9 +276,9 @@ class CalibrationResult:
     """Result of a calibration.
 
     Attributes:
-        estimate: What was found.
+        estimate: The estimated calibration.
         sightings: The marker in all images.
-        robot_seconds: Time that the robot took [s].
+        robot_seconds: Duration of the robot's motion [s].
     """
 
     estimate: CalibrationEstimate
@@ -293,19 +293,19 @@ def calibrate_simulated(
     on_look: Callable[[int], object] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> CalibrationResult | None:
-    """Calibrates the simulated robot of a station: by its images and encoders alone.
+    """Calibrates the simulated robot of a station from its images and encoders alone.
 
     Args:
-        params: What is done.
-        config: The station; its wear is what is to be found.
+        params: Parameters of the calibration.
+        config: The station; its wear is to be estimated.
         on_look: Called after each posture with the number of images that showed the marker.
-        should_stop: Asked every 0.1 s of simulated time.
+        should_stop: Polled every 0.1 s of simulated time.
 
     Returns:
         The result; None if it was stopped.
 
     Raises:
-        PepperDrakeError: The marker was not seen, or the simulation could not go on.
+        PepperDrakeError: The marker was not seen, or the simulation failed.
     """
     model, arm = shared_control_model(), params.arm
     scene = calibration_scene(arm, params.marker, config.seed)

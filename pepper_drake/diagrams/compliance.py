@@ -1,4 +1,4 @@
-"""A person's pushes and guidance of an arm, and the arm's compliance."""
+"""Pushing and guiding an arm, and the arm's compliance."""
 
 from dataclasses import dataclass, field
 
@@ -18,15 +18,15 @@ class ComplianceConfig:
     """Compliance of the arm while it is pushed."""
 
     stiffness: float = 0.05
-    """Stiffness of the reaching arm, as NAOqi has it: from 0, limp, to 1."""
+    """Stiffness of the reaching arm, as in NAOqi: from 0, limp, to 1."""
     tracking: PhaseStopping = field(default_factory=PhaseStopping)
     """Phase stopping while the hand is pushed."""
     pushes: tuple[ForcePulse, ...] = ()
-    """Pushes at the hand, from when the arm starts."""
+    """Pushes at the hand; time counts from when the arm starts."""
 
 
 def add_hand_force(builder: DiagramBuilder, station: PepperStation, arm: str) -> HandForce:
-    """Adds what applies a force at an arm's hand; its port `force` is left open."""
+    """Adds a system that applies a force at an arm's hand; its port `force` is left open."""
     frame = station.plant.GetFrameByName(hand_frame(arm))
     force = builder.AddNamedSystem("hand_force", HandForce(frame))
     connect(builder, force, station, spatial_forces="applied_forces")
@@ -40,7 +40,7 @@ def add_compliance(
     compliance: ComplianceConfig,
     active: OutputPort,
 ) -> OutputPort:
-    """Makes an arm soft, and pushes its hand from when it starts; returns the push (6)."""
+    """Makes an arm compliant and adds scripted pushes at its hand; returns the push's port (6)."""
     station.set_stiffness(arm_group(arm), compliance.stiffness)
     force = add_hand_force(builder, station, arm)
     script = builder.AddNamedSystem("scripted_push", ScriptedForce(*compliance.pushes))
@@ -59,11 +59,11 @@ def add_hand_guide(
     """Adds a guide that pulls at an arm's hand; its other inputs are left open.
 
     Args:
-        builder: Of the diagram that the robot is in.
-        robot: A `PepperStation`, or a diagram with its ports of these names.
-        plant: The robot's.
+        builder: Builder of the diagram that contains the robot.
+        robot: A `PepperStation`, or a diagram with the same ports.
+        plant: The robot's plant.
         arm: "left" or "right".
-        params: How firmly it holds the hand.
+        params: Stiffness and damping of its grip.
     """
     frame = plant.GetFrameByName(hand_frame(arm))
     guide = builder.AddNamedSystem("hand_guide", HandGuide(frame, params))

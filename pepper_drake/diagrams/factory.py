@@ -1,4 +1,4 @@
-"""From what a person asks for to a scene, a primitive and a coupling that fit together."""
+"""Makes scene, primitive and coupling from a user's choices."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,31 +19,31 @@ from pepper_drake.planning.ik.differential_ik import DifferentialIkParams
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 
 SHIPPED_DEMONSTRATION = MODELS_DIR / "demonstrations" / "reach"
-"""A right arm's reach, guided by hand with nothing in the way."""
+"""A right arm's reach, guided by hand without obstacles."""
 
 SHORTEST_PATH = 0.01
-"""A demonstration with a shorter way than this is none [m]."""
+"""Shortest path of the hand that counts as a demonstration [m]."""
 
 
 def hand_barrier() -> BarrierCoupling:
     """Returns the barrier around Pepper's hand.
 
-    Its sphere holds the half-open hand but its fingertips. It is larger than the hand is thin, so
-    near the goal, where the hand's direction is known, obstacles may come closer than it says; the
-    planner checks the true shapes.
+    Its sphere encloses the half-open hand except for the fingertips, and is larger than the hand is
+    thin. Near the goal, where the hand's orientation is known, obstacles may therefore be closer
+    than the sphere allows; the planner checks the true shapes.
     """
     return BarrierCoupling(hand_radius=0.09, goal_margin=0.015, goal_distance=0.08)
 
 
 def make_coupling(name: str, barrier: BarrierCoupling | None = None) -> Coupling | None:
-    """The hand's obstacle coupling by name, or None for "none".
+    """Returns the hand's obstacle coupling by name, or None for "none".
 
     Args:
-        name: "barrier", "report" (equation 2.7), or one that was registered.
-        barrier: Its constants, if it is the barrier; those of `hand_barrier` if None.
+        name: "barrier", "report" (equation 2.7), or a registered name.
+        barrier: Used for the name "barrier"; `hand_barrier()` if None.
 
     Raises:
-        InputError: There is none of that name.
+        InputError: The name is unknown.
     """
     if name == "none":
         return None
@@ -94,10 +94,10 @@ def make_primitive(
     """Learns the primitive that an arm performs.
 
     Args:
-        demonstration: A right arm's; the one that ships if left out. What it lacks of orientation
-            or joints is taken from the one that ships.
-        arm: "left" or "right"; for the left arm the demonstration is mirrored.
-        learning: How it is learned; by default if left out.
+        demonstration: A demonstration's folder; the shipped one if omitted. If orientation or
+            joints are missing, they are taken from the shipped one.
+        arm: "left" or "right"; a demonstration with the other arm is mirrored.
+        learning: Parameters of the fit; the defaults if omitted.
 
     Raises:
         InputError: The demonstration cannot be read.
@@ -115,7 +115,7 @@ def make_primitive(
         )
     refuse_out_of_reach(shown, str(demonstration))
     own = learning.fit(shown)
-    # Some joints of an arm are no posture to be near to.
+    # A posture is only usable if it has all joints of the arm.
     whole = own.posture is not None and arm_of(own.posture.names) == arm
     return replace(
         own,
@@ -129,8 +129,8 @@ def make_gentle(
 ) -> tuple[MovementPrimitive, DifferentialIkParams]:
     """Slows a movement and the arm's joints down so that no point exceeds 250 mm/s.
 
-    The shipped demonstration has its fastest point at 0.8 m/s; what replaces it on the way, after
-    replanning or retreating, keeps to the joints' speed.
+    The fastest point of the shipped demonstration moves at 0.8 m/s; replanned movements and
+    retreats are limited by the joints' speed.
     """
     return (
         replace(primitive, duration=timing.gentle_duration * primitive.duration),
@@ -139,19 +139,19 @@ def make_gentle(
 
 
 def _for_arm(demonstration: Demonstration, arm: str) -> Demonstration:
-    """The demonstration for an arm: recorded joints tell whose it was, else it was the right's."""
+    """Returns the demonstration, mirrored if the recorded arm (right if unknown) is the other."""
     recorded = "left" if any(n.startswith("L") for n in demonstration.joint_names) else "right"
     return demonstration if arm == recorded else demonstration.mirrored()
 
 
 def prepare_scene(scene: Scene, *, arm: str | None = None, motion: str | None = None) -> Scene:
-    """Changes a scene as asked for on the command line.
+    """Changes a scene according to command-line options.
 
     Args:
-        scene: As loaded.
-        arm: The arm that reaches; for another than the scene's, the scene is mirrored.
-        motion: "up", "aside" or "away" (8 cm), or a path file: how the goal object moves, from
-            the moment the arm starts.
+        scene: The loaded scene.
+        arm: The arm that reaches; if it is not the scene's, the scene is mirrored.
+        motion: "up", "aside" or "away" (8 cm), or a path file: motion of the goal object from when
+            the arm starts.
 
     Raises:
         InputError: The motion is unknown or its file cannot be read.

@@ -1,4 +1,4 @@
-"""Measures what only a simulation knows, for reports; nothing that drives the robot may use it."""
+"""Ground truth of a simulation, for reports only; nothing that drives the robot may use it."""
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
@@ -11,7 +11,7 @@ from pepper_drake.systems.robot.true_clearance import TrueClearance
 def add_ground_truth(
     builder: DiagramBuilder, station: PepperStation
 ) -> tuple[TrueClearance, dict[str, OutputPort]]:
-    """Adds monitors of the true clearance and of the contact forces of a station in a scene.
+    """Adds monitors of a station's true clearance and contact forces.
 
     Returns:
         The clearance monitor; and the ports `clearance` (1) [m], `contact_force` (2) [N] and

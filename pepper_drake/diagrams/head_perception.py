@@ -1,4 +1,4 @@
-"""THE perception: the goal object, the obstacles as clouds, and the head that looks there."""
+"""Perception with the head: goal object, obstacle clouds and gaze."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -61,7 +61,7 @@ _CAMERAS = {
         "position": "position",
     },
 }
-"""Each camera's ports at the station, and their names at the system that reads them."""
+"""Each camera's ports at the station, and the input ports that they are connected to."""
 _GOAL = {"object_pose": "object_pose", "valid": "goal_valid", "age": "goal_age"}
 _GOAL_ROLES = {
     "object_pose": Role.VALUE,
@@ -88,7 +88,7 @@ _CLOUD = {
     "age": "cloud_age",
     "fault": "cloud_fault",
 }
-"""Output ports of the systems inside, and their names outside."""
+"""Names under which the subsystems' output ports are exported."""
 
 
 @dataclass
@@ -96,20 +96,20 @@ class PerceptionConfig:
     """Parameters of perception: goal, obstacles, head."""
 
     image_poll_period: float = 0.05
-    """Time between looks for new images [s]: they come every 0.2 s, and each look copies the
+    """Period of polling for new images [s]: they come every 0.2 s, and each poll copies the
     state."""
     goal: GoalFilterParameters = field(
-        # The hand's goal lies beside the object: a turn by this moves it by a millimetre.
+        # The hand's goal is beside the object: a rotation by this angle moves it by a millimetre.
         default_factory=lambda: GoalFilterParameters(publish_angle=0.01, hold_seconds=5.0)
     )
     marker: MarkerParams = field(default_factory=MarkerParams)
-    """Detection of the goal's marker, and what its corners err."""
+    """Detection of the goal's marker, and errors of its corners."""
     goal_latency: float = 0.04
-    """Time from an image's arrival to the estimate made of it [s]: detection takes 25 ms."""
+    """Time from an image's arrival to the estimate based on it [s]: detection takes 25 ms."""
     obstacles: ObstacleParameters = field(default_factory=ObstacleParameters)
     """Obstacle detection in the depth camera's images ..."""
     stereo_obstacles: ObstacleParameters = field(default_factory=stereo_obstacle_parameters)
-    """... and in those of a stereo pair in its place."""
+    """... and in those of a stereo pair used instead."""
     gaze: GazeParams = field(default_factory=GazeParams)
     """Motion of the head, which follows the goal object and scans around it."""
 
@@ -148,13 +148,13 @@ class HeadPerception(Diagram):
         - camera_bottom.enabled
 
     The inputs are a station's ports. `scan_enabled` (1) and `look_at` (3): see `GazeController`.
-    Outputs: X_WO of the goal object, whether it is known (1), since when it was seen, and since
-    when its estimate made no sense [s]; the ages of the colour cameras' newest images [s] (2); the
-    obstacles and where moving ones will be soon, in W and in T (PointCloud); time, age [s] and
-    fault of the last depth image; `space`, what was seen (SeenSpace); HeadYaw and HeadPitch [rad]
-    (2); whether a colour camera is to take images (1).
+    Outputs: X_WO of the goal object, whether it is known (1), time since it was last seen, and time
+    since its estimate was last valid [s]; the ages of the colour cameras' newest images [s] (2);
+    obstacles and predicted positions of moving ones, in W and in T (PointCloud); time, age [s] and
+    fault of the last depth image; `space`, observed space (SeenSpace); HeadYaw and HeadPitch [rad]
+    (2); whether a colour camera is enabled (1).
 
-    Without cameras the goal's true pose is known and there are no obstacles.
+    Without cameras the goal's true pose is used and there are no obstacles.
     """
 
     def __init__(
@@ -163,9 +163,9 @@ class HeadPerception(Diagram):
         """Makes the perception.
 
         Args:
-            scene: What the goal object is, and which arm reaches for it.
+            scene: The scene, with goal object and reaching arm.
             station: The station to which it will be connected, for its cameras.
-            config: How it sees.
+            config: Parameters of perception.
         """
         super().__init__()
         self._config = config = config or PerceptionConfig()
@@ -207,8 +207,8 @@ class HeadPerception(Diagram):
         """Connects a station's measurements to the perception, and the perception to its cameras.
 
         Args:
-            builder: Of the diagram that both are in.
-            station: Simulated or real.
+            builder: Builder of the diagram that contains both.
+            station: The station, simulated or real.
         """
         joint_position = station.GetOutputPort("joint_position")
         head = select_joints(builder, joint_position, "head_position", JOINT_GROUPS["head"])
@@ -228,7 +228,7 @@ class HeadPerception(Diagram):
             builder.Connect(self.GetOutputPort(name), station.GetInputPort(name))
 
     def _add_estimators(self, marked: MarkedObject, station: PepperStation) -> None:
-        """Adds what finds the goal and the obstacles in the cameras' images."""
+        """Adds the estimators of goal and obstacles from camera images."""
         builder = self._builder
         cameras = HEAD_CAMERA_MODELS | calibrated_cameras(station.config.calibration)
         stereo = station.config.stereo
@@ -278,7 +278,7 @@ class HeadPerception(Diagram):
         export_triggers(builder, station.config.faults)
 
     def _guarded_goal(self, estimator: System, faults: FaultSet) -> dict[str, OutputPort]:
-        """The estimate of the goal as others get it: failing, if it is to, and never senseless."""
+        """Returns the goal estimate's ports, behind fault injector and guard."""
         builder = self._builder
         ports = {name: (role, estimator.GetOutputPort(name)) for name, role in _GOAL_ROLES.items()}
         goal = faults.tap(builder, "goal", ports)
@@ -290,7 +290,7 @@ class HeadPerception(Diagram):
         return goal | {"object_pose": guard.GetOutputPort("pose")}
 
     def _guarded_cloud(self, source: System, faults: FaultSet) -> dict[str, OutputPort]:
-        """The clouds as others get them: failing, if they are to, and never senseless."""
+        """Returns the clouds' ports, behind fault injector and guard."""
         builder = self._builder
         ports = {name: (role, source.GetOutputPort(name)) for name, role in _CLOUD_ROLES.items()}
         cloud = faults.tap(builder, "cloud", ports)
@@ -304,7 +304,7 @@ class HeadPerception(Diagram):
         return cloud | guarded
 
     def _add_known_goal(self, station: PepperStation) -> None:
-        """Adds what stands for the estimators where there are no cameras."""
+        """Adds substitutes for the estimators of a station without cameras."""
         builder = self._builder
         body = station.plant.GetBodyByName(GOAL_OBJECT)
         known = builder.AddNamedSystem("known_goal", BodyPose(body.index()))
@@ -323,7 +323,7 @@ class HeadPerception(Diagram):
         builder.ExportOutput(never_old, "image_ages")
         for name in ("goal_age", "goal_gap", "cloud_age", "cloud_fault"):
             builder.ExportOutput(zero, name)
-        # There is always a new image of nothing.
+        # New (empty) images arrive at the cameras' rate.
         times = PiecewisePolynomial.FirstOrderHold([0.0, _EVER], [[0.0, _EVER]])
         clock = constant("clock", TrajectorySource(times))
         images = builder.AddNamedSystem("images", ZeroOrderHold(station.config.camera_period, 1))

@@ -1,4 +1,4 @@
-"""Teaching and reaching in one diagram: the arm is led by hand, or performs what it learned."""
+"""Teaching and reaching in one diagram: the arm is guided, or performs what it learned."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ from pepper_drake.systems.robot.reference_filter import ReferenceFilter
 
 
 class LiveTeaching(Diagram):
-    """The reach with a guide: one arm is limp and led, or goes where it is told, or reaches.
+    """Reaching with a guide: one arm is limp and guided, or moves to joint targets, or reaches.
 
     .. pydrake_system::
 
@@ -40,11 +40,11 @@ class LiveTeaching(Diagram):
         - ...
 
     Inputs: the first five are those of `Reaching`; `guide_target`, desired guide pose X_TG
-    (RigidTransform); `guide_velocity` (6) in T, which has precedence unless it is zero [rad/s,
-    m/s]; `target` (3), offset of an object from its position in the scene, in W [m].
+    (RigidTransform); `guide_velocity` (6) in T, which takes precedence unless zero [rad/s, m/s];
+    `target` (3), offset of an object from its position in the scene, in W [m].
 
     Attributes:
-        recorder: Of the taught arm.
+        recorder: The recorder of the taught arm.
         movables: Names of the objects with a port for their offset.
     """
 
@@ -61,9 +61,9 @@ class LiveTeaching(Diagram):
         Args:
             scene: Pepper's surroundings.
             primitive: Performed until another is taught; with orientation and posture.
-            coupling: How obstacles bend it; None to do without.
-            config: How the robot is simulated and the loop works; the taught arm starts limp in
-                any case, the base stays, and there are no time limits.
+            coupling: Coupling with obstacles; None for none.
+            config: Configuration; the taught arm always starts limp, the base stays, and there are
+                no time limits.
         """
         super().__init__()
         self.scene, self.arm = with_movable_objects(scene), scene.arm
@@ -98,7 +98,7 @@ class LiveTeaching(Diagram):
         build_into(builder, self)
 
     def _add_guide(self) -> None:
-        """The guide that holds the hand while the arm is limp."""
+        """Adds the guide that holds the hand while the arm is limp."""
         builder, reaching = self._builder, self.reaching
         target = builder.AddNamedSystem("guide_target", GuideTarget())
         self.guide = guide = builder.AddNamedSystem("guide", VelocityGuide())

@@ -1,4 +1,4 @@
-"""Pepper alone: no scene, no cameras; one arm is commanded, all else stands still."""
+"""Pepper alone: no scene, no cameras; one arm is commanded, the other joints and base are held."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,20 +24,20 @@ def add_lone_pepper(
     robot: Diagram | None = None,
     config: StationConfig | None = None,
 ) -> tuple[PepperStation, JointCommandMerge, OutputPort]:
-    """Adds the station, and what commands one arm and holds all else.
+    """Adds the station, and the system that commands one arm and holds the rest.
 
     Args:
-        builder: Of the diagram.
+        builder: Builder of the diagram.
         arm: "left" or "right".
         positions: Start positions of all joints by name [rad, m].
-        stiffness: Of that arm, as NAOqi has it: from 0, limp, to 1. A limp one takes no commands.
-        robot: A robot's station, less the truth, which stands as `positions` say; simulated if left
-            out.
-        config: How the robot is simulated, but for cameras and the arm's stiffness.
+        stiffness: Stiffness of that arm, as in NAOqi: from 0, limp, to 1. A limp arm takes no
+            commands.
+        robot: A real robot's station, already at `positions`; simulated if omitted.
+        config: Configuration of the simulated robot, except for cameras and the arm's stiffness.
 
     Returns:
-        The station; the system with the input `arm_command` (5) [rad], if it is not limp; and the
-        arm's measured position (5) [rad].
+        The station; the system with the input `arm_command` (5) [rad], if the arm is not limp; and
+        the arm's measured position (5) [rad].
     """
     config, joints = config or StationConfig(), arm_joints(arm)
     softened = config.stiffness | {arm_group(arm): stiffness}

@@ -1,4 +1,4 @@
-"""The visual way to teach: a marker that a person moves is seen, and the arm does the same."""
+"""Visual teaching: the arm imitates the motion of a marker seen by a camera."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ _CAMERAS = {"top": CAMERA_TOP, "bottom": CAMERA_BOTTOM}
 _RENDERER = "vtk"
 
 OUT_OF_REACH = 0.02
-"""Farther from where it is led [m] than this, the hand is at the end of its reach."""
+"""Distance of the hand from its target beyond which the target is out of reach [m]."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,9 @@ class MarkerRecording:
 
     Attributes:
         recording: The arm's motion.
-        sightings: What the camera saw.
-        shown: The marker's motion as it was understood, in T.
-        tracking_error_rms: Of the sightings from the marker's true way [m].
+        sightings: The marker's poses measured by the camera.
+        shown: The marker's motion fitted to them, in T.
+        tracking_error_rms: RMS distance of the sightings from the marker's true path [m].
     """
 
     recording: Recording
@@ -77,19 +77,19 @@ class MarkerRecording:
 def record_marker(
     script: MarkerScript, options: RecordOptions | None = None, *, seed: int = 0
 ) -> MarkerRecording:
-    """Watches a marker that is moved as a script says, and has the arm do the same.
+    """Tracks a marker that moves along a script, and has the arm imitate it.
 
-    The camera's images, with its noise, give the marker's pose one by one; the motion through them
-    is mapped into the arm's workspace; the inverse kinematics tells whether the arm can follow;
-    then the arm's joints are moved along, and recorded as in every other way to teach.
+    The marker's pose is measured in each of the camera's noisy images; the motion fitted to the
+    poses is mapped into the arm's workspace; the inverse kinematics checks whether the arm can
+    follow; then the arm's joints are moved along and recorded as in all other ways of teaching.
 
     Args:
-        script: One that passes its check.
-        options: How the recording is made.
-        seed: Of the camera's noise.
+        script: A checked script.
+        options: Options of the recording.
+        seed: Seed of the camera's noise.
 
     Raises:
-        InputError: The marker was not seen for too long, or leads the hand out of its reach.
+        InputError: The marker was not seen for too long, or its motion is out of the hand's reach.
     """
     options = options or RecordOptions()
     path = GuidePath(*script.poses())
@@ -99,7 +99,7 @@ def record_marker(
     errors = np.linalg.norm(sightings.positions - true, axis=1)
 
     start = np.array([script.positions()[name] for name in arm_joints(script.arm)])
-    wanted, joints = follow(shown, WorkspaceMap(script.scale, script.yaw), script.arm, start)
+    target, joints = follow(shown, WorkspaceMap(script.scale, script.yaw), script.arm, start)
     times = script.rest + shown.times
     angles = PiecewisePolynomial.CubicShapePreserving(
         times, joints.T, zero_end_point_derivatives=True
@@ -108,11 +108,11 @@ def record_marker(
     drag_joints(builder, teaching, angles)
     session = Session(build(builder), teaching, options)
     recorded, motion, stopped = session.run(float(times[-1]) + script.rest, script.name)
-    led = np.column_stack(
-        [np.interp(recorded.times, times, column) for column in wanted.positions.T]
+    desired = np.column_stack(
+        [np.interp(recorded.times, times, column) for column in target.positions.T]
     )
     return MarkerRecording(
-        recording=measured_recording(recorded, motion, stopped, led),
+        recording=measured_recording(recorded, motion, stopped, desired),
         sightings=sightings,
         shown=shown,
         tracking_error_rms=float(np.sqrt(np.mean(errors**2))),
@@ -126,13 +126,13 @@ def watch(
     seed: int = 0,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Sightings:
-    """Looks at a marker that moves along a path, with a camera of the resting head.
+    """Tracks a marker that moves along a path, with a camera of the stationary head.
 
     Args:
         script: Camera, marker and posture.
         path: Poses X_TM; T does not move, so it is the scene graph's world.
-        seed: Of the camera's noise.
-        should_stop: Asked every tenth of a second; when it says so there are no more images.
+        seed: Seed of the camera's noise.
+        should_stop: Polled every tenth of a second; ends the tracking.
     """
     camera = _CAMERAS[script.camera]
     model = shared_control_model()
@@ -176,26 +176,26 @@ def watch(
 def follow(
     shown: Demonstration, workspace: WorkspaceMap, arm: str, start: Vector
 ) -> tuple[Demonstration, Vector]:
-    """Finds the arm's joints for a motion that was shown.
+    """Finds the arm's joints for a demonstrated motion.
 
     Args:
-        shown: In T, at even steps.
-        workspace: How it is mapped.
+        shown: The motion in T, at constant time steps.
+        workspace: Map into the arm's workspace.
         arm: "left" or "right".
-        start: (5,) the arm's joints where it starts [rad].
+        start: The arm's joints (5,) at the start [rad].
 
     Returns:
-        Where the hand is wanted, and the arm's joints (N, 5) [rad].
+        The hand's desired motion, and the arm's joints (N, 5) [rad].
 
     Raises:
-        InputError: The hand cannot go there; the sentence says what scale it could follow.
+        InputError: The motion is out of reach; the message names a scale that would do.
     """
-    wanted, joints, error = _followed(shown, workspace, arm, start)
+    target, joints, error = _track(shown, workspace, arm, start)
     if error <= OUT_OF_REACH:
-        return wanted, joints
+        return target, joints
     for scale in workspace.scale * np.arange(0.95, 0.15, -0.05):
         smaller = WorkspaceMap(float(scale), workspace.yaw)
-        if _followed(shown, smaller, arm, start)[2] <= OUT_OF_REACH:
+        if _track(shown, smaller, arm, start)[2] <= OUT_OF_REACH:
             mend = f"scale {scale:.2f} would do"
             break
     else:
@@ -206,25 +206,25 @@ def follow(
     )
 
 
-def _followed(
+def _track(
     shown: Demonstration, workspace: WorkspaceMap, arm: str, start: Vector
 ) -> tuple[Demonstration, Vector, float]:
-    """The wanted motion, joints that follow it, and how far the hand is from it at most [m]."""
+    """Returns the desired motion, joints that follow it, and the hand's largest error [m]."""
     model = shared_control_model()
     kinematics = arm_kinematics(model, arm)
     X_TH = kinematics.hand_pose(start)
-    wanted = workspace.apply(shown, X_TH.translation(), X_TH.rotation().ToQuaternion().wxyz())
-    assert wanted.rotations is not None
-    count = len(wanted.times)
+    target = workspace.apply(shown, X_TH.translation(), X_TH.rotation().ToQuaternion().wxyz())
+    assert target.rotations is not None
+    count = len(target.times)
     nominal = np.tile(start, (count, 1))
-    ik = DifferentialIkParams(time_step=float(wanted.times[1] - wanted.times[0]))
+    ik = DifferentialIkParams(time_step=float(target.times[1] - target.times[0]))
     simulator = KinematicSimulator(
         model, kinematics, ik, settle=0.0, still_speed=ReachPlannerParams.still_speed
     )
     joints = simulator.track(
         ArmState(start, np.zeros(5)),
-        HandPath(wanted.positions, wanted.rotations, nominal, count - 1),
+        HandPath(target.positions, target.rotations, nominal, count - 1),
         OUT_OF_REACH,
     )
     hands = kinematics.poses(joints).hand_position
-    return wanted, joints, float(np.linalg.norm(hands - wanted.positions, axis=1).max())
+    return target, joints, float(np.linalg.norm(hands - target.positions, axis=1).max())

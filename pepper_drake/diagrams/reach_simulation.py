@@ -1,4 +1,4 @@
-"""One reach from start to end: simulate, watch, measure, and leave a folder of results."""
+"""Simulates one reach, measures it, and writes a folder of results."""
 
 import time
 from collections.abc import Callable
@@ -42,9 +42,9 @@ from pepper_drake.systems.framework import Diagram, build
 Vector = npt.NDArray[np.float64]
 
 _AFTERMATH = 1.5
-"""Time that a run goes on after a failure, to see how the robot stops [s] of simulated time."""
+"""Simulated time after a failure, to measure how the robot stops [s]."""
 _LONGEST = 60.0
-"""No reach takes longer, s of simulated time."""
+"""Timeout of a reach, in simulated time [s]."""
 
 
 @dataclass
@@ -52,7 +52,7 @@ class RunOptions:
     """Display and interruption of a run."""
 
     meshcat: Meshcat | None = None
-    """Meshcat in which it is drawn; None for none."""
+    """Meshcat for the visualization; None for none."""
     record: bool = False
     """True to keep the run in meshcat for `recording.html`."""
     realtime: bool = False
@@ -60,14 +60,14 @@ class RunOptions:
     progress: bool = True
     """True to show a progress bar."""
     should_stop: Callable[[], bool] = lambda: False
-    """Asked every 0.1 s of simulated time; when it says so the run ends in order."""
+    """Polled every 0.1 s of simulated time; ends the run in an orderly way."""
     keep: "Callable[[ReachResult], None] | None" = None
-    """Is given what there is of the run about once a second, should the program be killed."""
+    """Receives the result so far about once a second, in case the program is killed."""
 
 
 @dataclass(frozen=True)
 class ReachResult:
-    """Result of a run: scene, report, log, and its recording as a page, if there is one."""
+    """Result of a run: scene, report, log, and the recording as an HTML page, if any."""
 
     scene: Scene
     report: ReachReport
@@ -76,11 +76,11 @@ class ReachResult:
 
 
 class ReachSimulation:
-    """Simulates a `Reaching` diagram to its end and measures it against the truth.
+    """Simulates a `Reaching` diagram to its end and measures it against the ground truth.
 
     Attributes:
         reaching: The diagram.
-        simulator: Of the diagram, or of the diagram with its visualizer.
+        simulator: Simulator of the diagram, with its visualizer if there is one.
     """
 
     def __init__(self, reaching: Reaching, options: RunOptions) -> None:
@@ -117,14 +117,14 @@ class ReachSimulation:
         return self.reaching.GetMyContextFromRoot(self.simulator.get_context())
 
     def mode(self) -> ReachMode:
-        """Present mode of the robot."""
+        """Returns the supervisor's present mode."""
         reaching = self.reaching
         return reaching.supervisor.progress(
             reaching.supervisor.GetMyContextFromRoot(self.simulator.get_context())
         ).mode
 
     def final_positions(self) -> tuple[Vector, Vector]:
-        """The station plant's positions and the base's x, y, yaw as they are now."""
+        """Returns the station plant's present positions and the base's x, y, yaw."""
         station, root = self.reaching.station, self.simulator.get_context()
         positions = station.plant.GetPositions(station.plant.GetMyContextFromRoot(root))
         base = station.GetOutputPort("base_pose").Eval(station.GetMyContextFromRoot(root))
@@ -176,12 +176,12 @@ class ReachSimulation:
         return self._result(wall, html)
 
     def _result(self, wall: float, html: str | None = None) -> ReachResult:
-        """Result of the run up to now."""
+        """Returns the result of the run so far."""
         log = self._log()
         return ReachResult(self.reaching.scene, self._report(log, wall), log, html)
 
     def _look_at_cloud(self) -> None:
-        """Measures the cloud with which the arm starts, and draws it."""
+        """Measures and draws the cloud at the start of the arm's motion."""
         reaching, context = self.reaching, self.context
         root = self.simulator.get_context()
         supervisor = reaching.supervisor
@@ -197,7 +197,7 @@ class ReachSimulation:
             draw_cloud(self._options.meshcat, self._cloud_W)
 
     def _rows(self, name: str) -> Vector:
-        """The logged rows (N, n) of one signal."""
+        """Returns the logged rows (N, n) of one signal."""
         log = self.reaching.logs[name].FindLog(self.simulator.get_context())
         return np.asarray(log.data()).T
 
@@ -243,7 +243,7 @@ class ReachSimulation:
         )
 
     def _object_offsets(self) -> Vector:
-        """Offsets (N, 3 K) [m] of the K moving objects from their poses in the scene."""
+        """Returns the offsets (N, 3 K) [m] of the K moving objects from their scene poses."""
         station = self.reaching.station
         columns = [
             station.plant.GetJointByName(f"{moving.name}_{axis}").position_start()
@@ -253,14 +253,14 @@ class ReachSimulation:
         return self._rows("state")[:, columns]
 
     def _sequence(self) -> SequenceState:
-        """Progress in the tasks; that of a reach alone is over when the reach is."""
+        """Returns the progress in the tasks; that of a reach without tasks is finished."""
         sequencer, scene = self.reaching.sequencer, self.reaching.scene
         if sequencer is None:
             return SequenceState(goals=(scene.pre_grasp(),), finished=True)
         return sequencer.progress(sequencer.GetMyContextFromRoot(self.simulator.get_context()))
 
     def _tasks(self) -> npt.NDArray[np.int64]:
-        """The task of each logged row (N,)."""
+        """Returns the task number of each logged row (N,)."""
         if self.reaching.sequencer is None:
             return np.zeros(len(self._rows("mode")), dtype=np.int64)
         return self._rows("task")[:, 0].astype(np.int64)
@@ -268,7 +268,7 @@ class ReachSimulation:
     def _true_poses(
         self, plant_context: Context, X_OG: RigidTransform
     ) -> tuple[RigidTransform, RigidTransform]:
-        """The hand's and its goal's true poses in W."""
+        """Returns the true poses of the hand and its goal in W."""
         station, scene = self.reaching.station, self.reaching.scene
         X_WH = station.plant.GetFrameByName(hand_frame(scene.arm)).CalcPoseInWorld(plant_context)
         X_WO = station.plant.EvalBodyPoseInWorld(
@@ -277,9 +277,9 @@ class ReachSimulation:
         return X_WH, X_WO @ X_OG
 
     def _true_goal_rows(self) -> Vector:
-        """Rows (N, 6): true position of the hand in W, distance to its goal, and two angles.
+        """Returns true hand position in W, distance to the goal [m] and two angles [rad] (N, 6).
 
-        These are between their orientations, and between the axes that count [m, rad].
+        The angles are between their orientations, and between the axes that the task constrains.
         """
         plant = self.reaching.station.plant
         plant_context = plant.CreateDefaultContext()
@@ -294,7 +294,7 @@ class ReachSimulation:
         return np.array(self._true_rows).reshape(-1, 6)
 
     def _draw_paths(self) -> None:
-        """Draws what the hand did beside what it was shown."""
+        """Draws the hand's path and the demonstrated one."""
         moving = np.isin(self._rows("mode")[:, 0], (ReachMode.REACHING, ReachMode.HOLDING))
         if self._options.meshcat is None or not np.any(moving):
             return
@@ -367,7 +367,7 @@ class ReachSimulation:
         return report
 
     def _measure_motion(self, report: ReachReport, log: ReachLog) -> None:
-        """Fills in how fast and how hard the robot was, and how it stopped."""
+        """Fills in speeds, forces and the stopping time."""
         reaching, times = self.reaching, log.time_s
         if len(times) < 4:
             return
@@ -403,7 +403,7 @@ class ReachSimulation:
         report.faults = [str(fault) for fault in station.config.faults.faults]
 
     def _closest_pair(self, log: ReachLog) -> str:
-        """Which link was nearest to which obstacle, at the moment of the least clearance."""
+        """Returns the link and the obstacle at the time of the smallest clearance."""
         reaching = self.reaching
         root = self.simulator.get_context().Clone()
         plant = reaching.station.plant
@@ -415,7 +415,7 @@ class ReachSimulation:
         return reaching.clearance.closest_pair(query)[1]
 
     def _judge(self, report: ReachReport, mode: ReachMode, reason: str, message: str) -> None:
-        """Fills in outcome and reason: what the robot says of itself, then what is true."""
+        """Fills in outcome and reason, first as the robot reports them, then by ground truth."""
         limits = self.reaching.config.planner.tolerance
         tolerance = limits.accept
         touched = f"a link touched an obstacle ({report.closest_pair})"
@@ -463,8 +463,8 @@ def measure_cloud(station: PepperStation, query: QueryObject, points_W: Vector) 
     """Compares a cloud with the true geometry.
 
     Args:
-        station: Whose geometry it is.
-        query: The true geometry as it stands now.
+        station: The station.
+        query: Its present geometry.
         points_W: (P, 3) [m].
     """
     robot, goal = station.robot_geometries(), station.goal_geometries()
@@ -482,7 +482,7 @@ def measure_cloud(station: PepperStation, query: QueryObject, points_W: Vector) 
 
 
 def save_result(result: ReachResult, folder: Path) -> None:
-    """Writes `report.json`, `scene.yaml`, `log.npz` and, if it was recorded, `recording.html`."""
+    """Writes `report.json`, `scene.yaml`, `log.npz` and, if recorded, `recording.html`."""
     folder.mkdir(parents=True, exist_ok=True)
     save_scene(result.scene, folder / "scene.yaml")
     result.log.save(folder / "log.npz")
@@ -492,7 +492,7 @@ def save_result(result: ReachResult, folder: Path) -> None:
 
 
 def keep_result(result: ReachResult, folder: Path) -> None:
-    """Writes the same as whole files, fast, for a run that is not over; see `save_result`."""
+    """Writes an unfinished run atomically and fast, without recording; see `save_result`."""
     with whole_results(folder, ()) as inside:
         save_scene(result.scene, inside / "scene.yaml")
         result.log.save(inside / "log.npz", compress=False)

@@ -31,9 +31,9 @@ from pepper_drake.systems.robot.triggered_trajectory import TriggeredTrajectory
 
 
 class Reaching(Diagram):
-    """The whole loop, from the cameras' images to the joints' commands.
+    """The whole loop, from camera images to joint commands.
 
-    It is simulated or, with a `HardwareStation`, performed by a robot.
+    It runs in simulation or, with a `HardwareStation`, on a robot.
 
     .. pydrake_system::
 
@@ -42,8 +42,8 @@ class Reaching(Diagram):
         - command, primitive (optional; not with tasks)
         - arm_mode, joint_target (optional)
         - reset (optional)
-        - applied_forces (optional; not of an arm that gives way)
-        - (name of what moves).desired_state (guided)
+        - applied_forces (optional; not with a compliant arm)
+        - (name of a moving object).desired_state (guided)
         output_ports:
         - torso_pose, hand_pose, arm_position, limp
         - ground_truth.query, .body_poses, .body_velocities (simulated)
@@ -51,12 +51,12 @@ class Reaching(Diagram):
     Inputs: `command` (1), a `ReachCommand`, and `primitive`, abstract MovementPrimitive: see
     `ReachSupervisor`; `arm_mode` (1), an `ArmMode`, and `joint_target` (5) [rad]: see `ArmCommand`;
     `reset` (1): see `SafetyMonitor`; `applied_forces` and `desired_state`: see `PepperStation`.
-    Without any it is one reach. The arm's stiffness is not among them: gains are the plant's
-    and not the context's (`PepperStation.set_stiffness`).
+    With all inputs unconnected it performs one reach. The arm's stiffness is no input: gains belong
+    to the plant, not to the context (`PepperStation.set_stiffness`).
 
     Attributes:
-        station: Pepper in its scene; another station with the same ports may take its place.
-        logs: Vector logs by the name of what they log.
+        station: Pepper in its scene, or another station with the same ports.
+        logs: Vector logs by signal name.
     """
 
     def __init__(
@@ -71,16 +71,16 @@ class Reaching(Diagram):
 
         Args:
             scene: Pepper's surroundings.
-            primitive: The movement that was taught.
-            coupling: How obstacles bend it; None for not at all.
-            config: How it is built.
-            station: The robot, if another than one of `config.station` in the scene.
+            primitive: The taught movement.
+            coupling: Coupling with obstacles; None for none.
+            config: Configuration of the loop.
+            station: The robot's station; one of `config.station` in the scene if omitted.
         """
         super().__init__()
         self.scene, self.primitive, self.config = scene, primitive, config
         self._builder = builder = DiagramBuilder()
         model = shared_control_model()
-        # A real robot's station has the same ports, less those of the truth.
+        # A real robot's station has the same ports except for `ground_truth.*`.
         chosen = cast(PepperStation, station or PepperStation(scene, config.station, model))
         self.station: PepperStation = builder.AddNamedSystem("station", chosen)
         self._is_simulated = isinstance(chosen, PepperStation)
@@ -142,7 +142,7 @@ class Reaching(Diagram):
         self.safety = add("safety", safety)
 
     def _planner_for(self, wanted: MovementPrimitive | Movement) -> Planner:
-        """The planner of another movement, of the reach itself for its own."""
+        """Returns a planner for another movement; the timed one for the reach itself."""
         if isinstance(wanted, MovementPrimitive):
             return self.planner.with_primitive(wanted)
         first = self.planner.demonstrated
@@ -151,13 +151,13 @@ class Reaching(Diagram):
         return self.planner.with_primitive(wanted.primitive, wanted.X_OG)
 
     def _connect_systems(self) -> None:
-        """Connects the five with one another."""
+        """Connects the five subsystems."""
         wire = partial(connect, self._builder)
         station, perception, supervisor = self.station, self.perception, self.supervisor
         controller, safety, arm = self.controller, self.safety, self.scene.arm
         hand = {f"{arm}_hand_pose": "hand_pose"}
-        seen = ("object_pose", "goal_valid", "goal_age", "image_ages", "cloud", "predicted_cloud")
-        wire(perception, supervisor, *seen, "cloud_time", "cloud_fault")
+        ports = ("object_pose", "goal_valid", "goal_age", "image_ages", "cloud", "predicted_cloud")
+        wire(perception, supervisor, *ports, "cloud_time", "cloud_fault")
         if perception.HasOutputPort("space"):
             wire(perception, supervisor, "space")
         wire(station, supervisor, "joint_position", "base_pose", **hand)
@@ -186,7 +186,7 @@ class Reaching(Diagram):
         wire(safety, controller, "stop_reason")
 
     def _add_commands(self) -> None:
-        """Connects safe commands to the station, through faults on the way, and forces."""
+        """Connects safe commands to the station, through fault injectors, and forces."""
         builder, station, config = self._builder, self.station, self.config
         self.command = self.safety.GetOutputPort("joint_position_command")
         joints = self._faults.tap(
@@ -208,7 +208,7 @@ class Reaching(Diagram):
             builder.ExportInput(station.GetInputPort("applied_forces"), "applied_forces")
 
     def _add_motions(self) -> None:
-        """Moves goal object and obstacles once the arm starts, if that is asked for."""
+        """Moves goal object and obstacles once the arm starts, if configured."""
         builder, station = self._builder, self.station
         for moving in station.scene_models.moving:
             port = f"{moving.name}.desired_state"
@@ -221,7 +221,7 @@ class Reaching(Diagram):
                 builder.Connect(path.get_output_port(), station.GetInputPort(port))
 
     def _add_exports(self) -> None:
-        """Exports what a user commands, and what a person who leads the hand has to know."""
+        """Exports the user's commands, and the outputs that a guide needs."""
         builder, station = self._builder, self.station
         inputs = {"reset": self.safety} | dict.fromkeys(
             ("arm_mode", "joint_target"), self.controller
@@ -238,7 +238,7 @@ class Reaching(Diagram):
             builder.ExportOutput(station.GetOutputPort(name), name)
 
     def _add_logs(self) -> None:
-        """Logs what the report and the figures need, and watches the true clearance."""
+        """Logs the signals of report and figures, and monitors the true clearance."""
         builder, station = self._builder, self.station
         sources = {
             "joint_command": self.command,

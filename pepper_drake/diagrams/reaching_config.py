@@ -1,4 +1,4 @@
-"""Configuration of the reach: what a scenario sets."""
+"""Configuration of the reach, set by a scenario."""
 
 from dataclasses import dataclass, field
 
@@ -21,14 +21,14 @@ class ReachingConfig:
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     planner: ReachPlannerParams = field(default_factory=ReachPlannerParams)
     planner_class: type[ReachPlanner] = ReachPlanner
-    """Class of the planner, made of the primitive and the task."""
+    """Class of the planner, constructed from primitive and task."""
     timing: ReachTiming = field(default_factory=ReachTiming)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     safety: SafetyParams = field(default_factory=SafetyParams)
     contact: ContactParams = field(default_factory=ContactParams)
-    """When a joint counts as held by something; an arm that gives way has no such limit."""
+    """Detection of a joint that is held by an obstacle; not used with a compliant arm."""
     compliance: ComplianceConfig | None = None
-    """Compliance of the reaching arm when it is pushed; a stiff arm if None."""
+    """Compliance of the reaching arm while it is pushed; a stiff arm if None."""
     log_period: float = 0.01
     """Period of all logs [s]."""
     tasks: tuple[SequenceTask, ...] = ()

@@ -1,4 +1,4 @@
-"""A demonstration given by a script, simulated and recorded so that nothing is lost."""
+"""Simulates and records a scripted demonstration, writing it to disk as it goes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,9 +33,9 @@ from pepper_drake.systems.guiding.velocity_guide import VelocityGuide
 Vector = npt.NDArray[np.float64]
 
 _SLICE = 0.1
-"""Period [s] of simulated time at which new samples are written to the file."""
-_HAIR = 1e-9
-"""Time [s] simulated beyond the end, for the sample that is due at the end."""
+"""Period in simulated time at which new samples are written to the file [s]."""
+_EPSILON = 1e-9
+"""Time simulated beyond the end, to include the sample at the end [s]."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class RecordOptions:
     """Options of a recording.
 
     Attributes:
-        folder: Where it is written while it is made, if anywhere.
-        should_stop: Asked between two slices; when it says so the recording ends in order.
-        meshcat: Where the robot is shown, if anywhere.
+        folder: Folder to which it is written during the recording; None for none.
+        should_stop: Polled once per slice; ends the recording in an orderly way.
+        meshcat: Meshcat for the visualization; None for none.
         realtime: Whether it runs no faster than real time.
         progress: Whether a progress bar is shown.
     """
@@ -59,13 +59,13 @@ class RecordOptions:
 
 @dataclass(frozen=True)
 class Recording:
-    """Result of a script.
+    """Result of recording a script.
 
     Attributes:
         demonstration: The motion without the rest before and after it, from time 0.
-        stopped: Whether it was asked to end before the script was over.
-        final_distance: Of the hand from where the script has it at last [m].
-        distance_rms: Of the hand from where the script has it, over the whole time [m].
+        stopped: Whether it was stopped before the end of the script.
+        final_distance: Distance of the hand from the script's last position [m].
+        distance_rms: RMS distance of the hand from the script's positions [m].
     """
 
     demonstration: Demonstration
@@ -75,7 +75,7 @@ class Recording:
 
 
 class Session:
-    """One recording: a diagram with a `Teaching` in it, simulated slice by slice."""
+    """One recording: a diagram that contains a `Teaching`, simulated in slices."""
 
     def __init__(self, diagram: Diagram, teaching: Teaching, options: RecordOptions) -> None:
         self._teaching, self._options = teaching, options
@@ -83,14 +83,14 @@ class Session:
         self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
 
     def run(self, end_time: float, name: str) -> tuple[Demonstration, Demonstration, bool]:
-        """Simulates up to a time, or until it is asked to stop.
+        """Simulates up to a time, or until it is stopped.
 
         Returns:
-            All that was recorded, as it was; the motion without the rest at both ends, which is
-            what the folder has; and whether it was asked to stop.
+            The whole recording; the motion without the rest at both ends, as written to the folder;
+            and whether it was stopped.
 
         Raises:
-            StoppedError: It was stopped before it held a motion.
+            StoppedError: It was stopped before there was any motion.
             InputError: The folder cannot be written to.
         """
         meshcat, recorder = self._options.meshcat, self._teaching.recorder
@@ -112,7 +112,7 @@ class Session:
         return recorded, motion, stopped
 
     def _advance(self, end_time: float, writer: RecordingWriter | None) -> bool:
-        """Simulates, and writes what is new once in a while; returns whether it was stopped."""
+        """Simulates and writes new samples periodically; returns whether it was stopped."""
         context = self.simulator.get_context()
 
         def write() -> bool:
@@ -122,7 +122,7 @@ class Session:
 
         end = simulate(
             self.simulator,
-            end_time + _HAIR,
+            end_time + _EPSILON,
             watch=write,
             should_stop=self._options.should_stop,
             period=_SLICE,
@@ -138,8 +138,8 @@ def record_guided(script: GuideScript, options: RecordOptions | None = None) -> 
     """Guides the hand of the limp arm through a script's via points and records it.
 
     Args:
-        script: One that passes its check.
-        options: How the recording is made.
+        script: A checked script.
+        options: Options of the recording.
     """
     options = options or RecordOptions()
     builder, teaching = make_teaching(script, "hand", options)
@@ -160,11 +160,11 @@ def record_guided(script: GuideScript, options: RecordOptions | None = None) -> 
 
 
 def record_joints(script: JointScript, options: RecordOptions | None = None) -> Recording:
-    """Drags the arm's joints one by one as a script says and records it.
+    """Drags the arm's joints one by one along a script and records it.
 
     Args:
-        script: One that passes its check.
-        options: How the recording is made.
+        script: A checked script.
+        options: Options of the recording.
     """
     options = options or RecordOptions()
     builder, teaching = make_teaching(script, "joints", options)
@@ -180,11 +180,11 @@ def record_joints(script: JointScript, options: RecordOptions | None = None) -> 
 
 
 def record_pad(script: PadScript, options: RecordOptions | None = None) -> Recording:
-    """Steers the hand of the limp arm with a game pad as a script says and records it.
+    """Steers the hand of the limp arm with a scripted game pad and records it.
 
     Args:
-        script: One that passes its check.
-        options: How the recording is made.
+        script: A checked script.
+        options: Options of the recording.
     """
     options = options or RecordOptions()
     builder, teaching = make_teaching(script, "hand", options)
@@ -210,7 +210,7 @@ def record_pad(script: PadScript, options: RecordOptions | None = None) -> Recor
 
 
 def drag_joints(builder: DiagramBuilder, teaching: Teaching, path: PiecewisePolynomial) -> None:
-    """Adds what drags the taught arm's joints along angles (5,) [rad] over time."""
+    """Adds a source that drags the taught arm's joints along a trajectory (5,) [rad]."""
     ahead = path.Clone()
     ahead.shiftRight(-CONTROL_PERIOD)
     source = builder.AddNamedSystem("joint_path", TrajectorySource(ahead))
@@ -218,7 +218,7 @@ def drag_joints(builder: DiagramBuilder, teaching: Teaching, path: PiecewisePoly
 
 
 def joint_path(script: JointScript) -> PiecewisePolynomial:
-    """Returns the angles (5,) [rad], shoulder to wrist, over time: at rest between two moves."""
+    """Returns the joint trajectory (5,) [rad], shoulder to wrist, at rest between moves."""
     joints = JOINT_GROUPS[arm_group(script.arm)]
     angles = [script.positions()[name] for name in joints]
     times, rows = [0.0, script.rest], [list(angles)] * 2
@@ -238,7 +238,7 @@ def joint_path(script: JointScript) -> PiecewisePolynomial:
 def make_teaching(
     script: TeachingScript, guided_by: str, options: RecordOptions
 ) -> tuple[DiagramBuilder, Teaching]:
-    """Starts a diagram with the Teaching that a script is for."""
+    """Returns a builder with the `Teaching` for a script, and a visualizer if wanted."""
     builder = DiagramBuilder()
     teaching = Teaching(script.arm, script.positions(), guided_by=guided_by)
     builder.AddNamedSystem("teaching", teaching)
@@ -251,7 +251,7 @@ def make_teaching(
 def measured_recording(
     recorded: Demonstration, motion: Demonstration, stopped: bool, scripted: Vector
 ) -> Recording:
-    """Compares what was recorded with where the script has the hand in T, (N, 3)."""
+    """Compares a recording with the script's hand positions in T (N, 3) [m]."""
     distances = np.linalg.norm(recorded.positions - scripted[: len(recorded.times)], axis=1)
     return Recording(
         demonstration=motion,

@@ -1,4 +1,4 @@
-"""A primitive performed without cameras, by an arm that gives way when it is pushed."""
+"""A primitive performed without cameras by a compliant arm."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -27,16 +27,16 @@ class ReproductionParams:
     stiffness: float = ComplianceConfig.stiffness
     """Stiffness of the arm, from 0, limp, to 1: at 0.05, 5 N at the hand move it by some 3 cm."""
     tracking: PhaseStopping | None = field(default_factory=PhaseStopping)
-    """Phase stopping while the hand is pushed; None to do without."""
+    """Phase stopping while the hand is pushed; None for none."""
     ik: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     station: StationConfig = field(default_factory=StationConfig)
-    """The simulated robot, less its cameras; the arm has the stiffness above."""
+    """The simulated robot, without cameras; the arm has the stiffness above."""
     log_period: float = 0.01
     """Period of all logs [s]."""
 
 
 class Reproduction(Diagram):
-    """A soft arm performs a primitive: the station, simulated or a robot's, and the controller.
+    """A compliant arm performs a primitive: the station, simulated or real, and the controller.
 
     .. pydrake_system::
 
@@ -52,14 +52,14 @@ class Reproduction(Diagram):
         - query (simulated)
         - phase, active
 
-    The goal is known, not seen. Inputs: `movement`, abstract `Movement`; `goal_pose` X_TG of the
-    object that its X_OG refers to; `cloud` of obstacles in T (PointCloud) [m]; `push` (6), torque
-    and force on the hand in W [N m, N]. Outputs: `hand_position` (3) in T [m]; `torso_pose` X_WT;
-    `query`, the geometry; the others: see `ArmController`.
+    The goal is given, not perceived. Inputs: `movement`, abstract `Movement`; `goal_pose`, pose in
+    T of the object that its X_OG refers to; `cloud` of obstacles in T (PointCloud) [m]; `push` (6),
+    torque and force on the hand in W [N m, N]. Outputs: `hand_position` (3) in T [m]; `torso_pose`
+    X_WT; `query`, the geometry; the others: see `ArmController`.
 
     Attributes:
-        plant: The simulated plant with Pepper alone; None for a robot.
-        logs: Vector logs by the name of what they log.
+        plant: The simulated plant with Pepper alone; None for a real robot.
+        logs: Vector logs by signal name.
     """
 
     def __init__(
@@ -74,11 +74,11 @@ class Reproduction(Diagram):
         """Makes the diagram.
 
         Args:
-            primitive: With orientation and posture.
+            primitive: The primitive, with orientation and posture.
             arm: "left" or "right".
-            positions: Where every joint starts [rad, m], by name.
-            params: How the arm follows and gives way.
-            robot: A robot's station, which stands as `positions` say; simulated if left out.
+            positions: Start positions of all joints by name [rad, m].
+            params: Tracking and compliance of the arm.
+            robot: A real robot's station, already at `positions`; simulated if omitted.
 
         Raises:
             InputError: The primitive has no orientation or no posture.

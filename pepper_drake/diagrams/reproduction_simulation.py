@@ -1,4 +1,4 @@
-"""A primitive performed without cameras from start to end, pushed on its way, and measured."""
+"""Simulates a primitive without cameras, with pushes at the hand, and measures the result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ from pepper_drake.systems.guiding.external_force import ForcePulse, ScriptedForc
 Vector = npt.NDArray[np.float64]
 
 _SLICE = 0.1
-_STILL = 0.01
-"""A hand that is slower than this [m/s] has come to rest."""
+_REST_SPEED = 0.01
+"""Speed below which the hand is at rest [m/s]."""
 LONGEST = 3.0
-"""A reproduction is given up this many durations of its primitive after the last push."""
+"""Timeout of a reproduction after the last push, in durations of its primitive."""
 _LIMIT_TOLERANCE = 1e-3
-"""Penetration [rad] of a joint limit that the plant's solver allows."""
+"""Violation of a joint limit that the plant's solver allows [rad]."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,14 @@ class ReproductionOptions:
     """Options of a reproduction.
 
     Attributes:
-        goal: (3,) of the hand in T [m]; the primitive's own if None.
-        pushes: Pushes at the hand, from when the movement begins.
-        params: How the arm follows and gives way.
-        meshcat: Where it is shown, if anywhere.
+        goal: Goal position of the hand (3,) in T [m]; the primitive's own if None.
+        pushes: Pushes at the hand; time counts from the start of the movement.
+        params: Tracking and compliance of the arm.
+        meshcat: Meshcat for the visualization; None for none.
         realtime: Whether it runs no faster than real time.
         progress: Whether a progress bar is shown.
-        should_stop: Asked every tenth of a second of simulated time.
-        keep: Is given what there is of the run about once a second, should the program be killed.
+        should_stop: Polled every tenth of a second of simulated time.
+        keep: Receives the result so far about once a second, in case the program is killed.
     """
 
     goal: Vector | None = None
@@ -63,12 +63,12 @@ class ReproductionResult:
     """Result of a reproduction.
 
     Attributes:
-        motion: What the arm did.
-        desired_positions: (N, 3) of the hand in T, as the primitive wants them [m].
-        slowdowns: (N,) by how much the phase waited.
-        final_position_error: Of the hand from its goal [m].
-        worst_joint_speed: Largest speed of an arm joint as a share of its rated one.
-        limit_overrun: How far a joint went beyond its position limits [rad]; negative inside.
+        motion: The arm's motion.
+        desired_positions: The primitive's desired hand positions in T (N, 3) [m].
+        slowdowns: Slowdown of the phase (N,).
+        final_position_error: Final distance of the hand from its goal [m].
+        worst_joint_speed: Largest speed of an arm joint as a fraction of its rated speed.
+        limit_overrun: Largest violation of a joint's position limits [rad]; negative inside.
         desired_velocity_step: Largest change of the desired velocity in one tick [m/s].
         hand_velocity_step: Largest change of the hand's velocity in one tick [m/s].
     """
@@ -84,12 +84,12 @@ class ReproductionResult:
 
     @property
     def keeps_limits(self) -> bool:
-        """True if no joint passed a limit of position or velocity."""
+        """Tells whether all joints stayed within their position and velocity limits."""
         return self.limit_overrun <= _LIMIT_TOLERANCE and self.worst_joint_speed <= 1.0
 
 
 def start_positions(primitive: MovementPrimitive, arm: str) -> dict[str, float]:
-    """Every joint's position [rad, m] where a primitive with a posture starts, by name."""
+    """Returns all joint positions [rad, m] at the start of a primitive with a posture, by name."""
     assert primitive.posture is not None
     joints = primitive.posture.at([0.0])[0]
     return posture_positions("stand", dict(zip(arm_joints(arm), joints, strict=True)))
@@ -98,15 +98,15 @@ def start_positions(primitive: MovementPrimitive, arm: str) -> dict[str, float]:
 def reproduce(
     primitive: MovementPrimitive, arm: str, options: ReproductionOptions | None = None
 ) -> ReproductionResult | None:
-    """Performs a primitive until the hand rests, or for three times its duration.
+    """Performs a primitive until the hand is at rest, or for three times its duration.
 
     Args:
-        primitive: With orientation and posture.
+        primitive: The primitive, with orientation and posture.
         arm: "left" or "right".
-        options: How it is run.
+        options: Options of the run.
 
     Returns:
-        The result; None if it was to stop before the movement began.
+        The result; None if it was stopped before the movement began.
 
     Raises:
         InputError: The primitive has no orientation or no posture.
@@ -142,12 +142,12 @@ def reproduce(
 
 
 def begin_movement(diagram: Reproduction, context: Context, goal: Vector | None) -> Vector:
-    """Lets the movement begin where the hand is.
+    """Starts the movement from the hand's present position.
 
     Args:
-        diagram: With its primitive.
-        context: The diagram's.
-        goal: (3,) of the hand in T [m]; the primitive's own if None.
+        diagram: The diagram, with its primitive.
+        context: The diagram's context.
+        goal: Goal position of the hand (3,) in T [m]; the primitive's own if None.
 
     Returns:
         The goal (3,) [m].
@@ -165,13 +165,13 @@ def begin_movement(diagram: Reproduction, context: Context, goal: Vector | None)
 def comes_to_rest(
     diagram: Reproduction, root: Context, last_push: float = 0.0, period: float = _SLICE
 ) -> Callable[[], bool]:
-    """Returns a function that tells, asked once a period [s], if the movement is over and rests.
+    """Returns a function, to be called once per period, that tells if the movement has ended.
 
     Args:
-        diagram: What is performed.
-        root: Of the simulator.
-        last_push: When the last push ends [s].
-        period: Time between two questions [s].
+        diagram: The diagram.
+        root: The simulator's context.
+        last_push: End of the last push [s].
+        period: Time between two calls [s].
     """
     end = diagram.primitive.phase_at([diagram.primitive.duration])[0]
     context = diagram.GetMyContextFromRoot(root)
@@ -180,7 +180,7 @@ def comes_to_rest(
     def rests() -> bool:
         nonlocal before
         hand = np.array(diagram.GetOutputPort("hand_position").Eval(context))
-        still = np.linalg.norm(hand - before) < _STILL * period
+        still = np.linalg.norm(hand - before) < _REST_SPEED * period
         before = hand
         over = diagram.GetOutputPort("phase").Eval(context)[0] < end
         return bool(over and still and root.get_time() > last_push + 0.5)
@@ -191,7 +191,7 @@ def comes_to_rest(
 def _advance(
     simulator: Simulator, diagram: Reproduction, goal: Vector, options: ReproductionOptions
 ) -> None:
-    """Simulates until the movement is over and the hand rests."""
+    """Simulates until the movement is over and the hand is at rest."""
     last_push = max((push.start + push.duration for push in options.pushes), default=0.0)
     root = simulator.get_context()
 
@@ -212,14 +212,14 @@ def _advance(
 
 
 def measure(diagram: Reproduction, root: Context, goal: Vector) -> ReproductionResult:
-    """Returns the result of a run by its logs.
+    """Computes the result of a run from its logs.
 
-    Joint speeds are the true ones of a simulated robot, and those commanded to a real one.
+    Joint speeds are the true ones of a simulated robot, the commanded ones of a real one.
 
     Args:
-        diagram: What was performed.
-        root: Of the simulator.
-        goal: (3,) of the hand in T [m].
+        diagram: The diagram.
+        root: The simulator's context.
+        goal: Goal position of the hand (3,) in T [m].
     """
 
     def rows(name: str) -> Vector:
@@ -263,7 +263,7 @@ def _velocity_step(positions: Vector, step: float) -> float:
 def _draw(
     meshcat: Meshcat, diagram: Reproduction, context: Context, result: ReproductionResult
 ) -> None:
-    """Shows the primitive's own path in black and what the hand did in white."""
+    """Draws the primitive's own path in black and the hand's in white."""
     X_WT = diagram.GetOutputPort("torso_pose").Eval(context)
     own = diagram.primitive.rollout(0.02).positions
     for name, path, width, shade in (

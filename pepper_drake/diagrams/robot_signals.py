@@ -1,4 +1,4 @@
-"""The signals between a simulated robot and its controllers: wear, faults, and their guard."""
+"""Signals between a simulated robot and its controllers, with wear, faults and guards."""
 
 from collections.abc import Mapping, Sequence
 
@@ -21,12 +21,12 @@ from pepper_drake.systems.robot.measurement_guard import MeasurementAges, Measur
 from pepper_drake.systems.robot.worn_joints import CommandLatency, JointBacklash
 
 STATION_SIGNALS = ("top", "bottom", "depth", "stamps", "encoders", "base_pose")
-"""The signals that can fail in a station; the others are of who uses it."""
+"""The signals that can fail inside a station; the others fail outside it."""
 
 _BEYOND = 0.3
-"""No joint is measured farther beyond its limits [rad]."""
+"""Joint measurements farther outside the limits are impossible [rad]."""
 _FARTHEST = 100.0
-"""No base drives so far [m], and none turns so often [rad]."""
+"""Larger base positions [m] and yaw angles [rad] are impossible."""
 
 
 def add_offset(
@@ -43,12 +43,12 @@ def add_offset(
 def calibrated_commands(
     builder: DiagramBuilder, commands: InputPort, calibration: RobotCalibration | None
 ) -> InputPort:
-    """Returns where angles that are true are commanded, to encoders that a calibration knows.
+    """Returns the input port for commands of true joint angles.
 
     Args:
-        builder: Of a station.
-        commands: Where what the encoders are to say is commanded (15) [rad].
-        calibration: The robot's; None for none.
+        builder: The station's builder.
+        commands: Input port for commands in encoder readings (15) [rad].
+        calibration: The robot's calibration; None for none.
     """
     if calibration is None:
         return commands
@@ -64,7 +64,7 @@ def calibrated_commands(
 def calibrated_joints(
     builder: DiagramBuilder, encoders: OutputPort, calibration: RobotCalibration | None
 ) -> OutputPort:
-    """Returns the true joint angles (15) of what the encoders say [rad], by a calibration."""
+    """Returns the true joint angles (15) [rad], from encoder readings and a calibration."""
     if calibration is None:
         return encoders
     offsets = -np.array(calibration.joint_values("offset"))
@@ -82,20 +82,20 @@ def add_servos(
     calibration: RobotCalibration | None,
     period: float,
 ) -> OutputPort | None:
-    """Turns joint and base commands into the desired state of the plant's servos.
+    """Computes the desired state of the plant's servos from joint and base commands.
 
     Args:
-        builder: Of the station; it exports `joint_position_command` and `base_velocity_command`.
+        builder: The station's; it exports `joint_position_command` and `base_velocity_command`.
         plant: The plant with Pepper.
         pepper: Pepper's model instance.
         base_pose: True x, y [m], yaw [rad] of the base in W.
         start: Positions of all joints by name at the start.
         wear: The robot's errors; None for none.
-        calibration: What is known of them; None for nothing.
+        calibration: Estimate of these errors; None for none.
         period: The control period [s].
 
     Returns:
-        How far the motors are ahead of the joints (15) [rad], if they have slack.
+        The motors' lead over the joints (15) [rad], if there is backlash.
     """
     joints = builder.AddNamedSystem(
         "joint_servo", JointCommandInterpolator(len(BODY_JOINTS), period)
@@ -139,17 +139,17 @@ def add_motor_commands(
     wear: RobotWear | None,
     period: float,
 ) -> InputPort:
-    """Leads joint commands to what moves the joints, by way of a worn robot's motors.
+    """Adds a worn robot's command latency and encoder offsets before the joint servos.
 
     Args:
-        builder: Of the station.
-        commands: Where they arrive (15).
+        builder: The station's builder.
+        commands: Input port of the servos (15) [rad].
         start: The joints at the start (15,) [rad].
         wear: The robot's errors; None for none.
         period: The control period [s].
 
     Returns:
-        Where they are commanded.
+        The input port for the commands.
     """
     if wear is None:
         return commands
@@ -157,34 +157,34 @@ def add_motor_commands(
     latency = builder.AddNamedSystem(
         "command_latency", CommandLatency(start, max(steps, 1), period)
     )
-    truly = add_offset(
+    offset_command = add_offset(
         builder,
         "encoder_command",
         latency.get_output_port(),
         (-wear.encoder_offset).tolist(),
     )
-    builder.Connect(truly, commands)
+    builder.Connect(offset_command, commands)
     return latency.command_input
 
 
 def add_slack(
     builder: DiagramBuilder, motors: OutputPort, wear: RobotWear | None, period: float
 ) -> tuple[OutputPort, OutputPort | None]:
-    """Puts a worn robot's slack behind its motors.
+    """Adds a worn robot's backlash between motors and joints.
 
     Args:
-        builder: Of the station.
+        builder: The station's builder.
         motors: Desired positions and velocities of the motors (30) [rad, rad/s].
         wear: The robot's errors; None for none.
         period: The control period [s].
 
     Returns:
-        Desired state of the joints (30), and how far the motors are ahead of them (15), if they
-        have slack.
+        Desired state of the joints (30), and the motors' lead over them (15) [rad], if there is
+        backlash.
     """
     if wear is None:
         return motors, None
-    # After each of the interpolator's two ticks a period.
+    # Updated after each of the interpolator's two ticks per period.
     slack = builder.AddNamedSystem(
         "joint_backlash",
         JointBacklash(wear.backlash, time_step=0.5 * period, offset=0.25 * period),
@@ -206,19 +206,19 @@ def add_measurements(
     failing_joints: Sequence[int],
     limits: CommandLimits,
 ) -> dict[str, OutputPort]:
-    """Leads the true state of joints and base to what is known of it.
+    """Adds the measurements of joints and base, with wear, faults, guards and calibration.
 
     Args:
-        builder: Of the station; it exports `measurement_age` and `missing_joint`.
+        builder: The station's; it exports the measurements, `measurement_age` and `missing_joint`.
         joints: True joint positions (15) [rad].
         base: True x, y [m], yaw [rad] of the base in W.
         start: Positions of all joints by name at the start.
-        gap: How far the motors, which the encoders measure, are ahead of the joints (15) [rad].
+        gap: Lead of the motors, which the encoders measure, over the joints (15) [rad].
         wear: The robot's errors; None for none.
-        calibration: What is known of them; None for nothing.
+        calibration: Estimate of these errors; None for none.
         faults: Faults of encoders and odometry.
-        failing_joints: Indices of the joints of which one fails if an encoder fails.
-        limits: Of the joints; what is measured far outside cannot be.
+        failing_joints: Indices of the joints one of which fails if an encoder fails.
+        limits: Limits of the joints; measurements far outside are rejected.
 
     Returns:
         The ports `joint_position` (15) and `base_pose` (3); always finite numbers.
@@ -230,7 +230,7 @@ def add_measurements(
             builder.Connect(joints, ahead.get_input_port(0))
             builder.Connect(gap, ahead.get_input_port(1))
             joints = ahead.get_output_port()
-        # The way since the start is measured too long or too short.
+        # The displacement since the start is measured too large or too small.
         origin = np.array([start[name] for name in JOINT_GROUPS["base"]])
         slip = builder.AddNamedSystem("odometry_slip", MatrixGain(D=np.diag(1.0 + wear.odometry)))
         builder.Connect(base, slip.get_input_port())
@@ -268,7 +268,7 @@ def add_measurements(
 
 
 def worn_camera(wear: RobotWear | None, name: str, camera: HeadCamera) -> HeadCamera:
-    """A camera as it truly is on a robot, by the station's name of it."""
+    """Returns a camera with a worn robot's errors, by the station's name of it."""
     own = None if wear is None else wear.cameras.get(name)
     if own is None:
         return camera
@@ -281,28 +281,28 @@ def add_camera_faults(
     name: str,
     ports: dict[str, OutputPort],
 ) -> dict[str, OutputPort]:
-    """Puts the faults of a camera and of all time stamps behind a camera's ports.
+    """Injects the faults of a camera and of all time stamps behind a camera's ports.
 
     Args:
-        builder: Of the station.
+        builder: The station's builder.
         faults: The run's faults.
-        name: The camera's, as in "camera_depth".
+        name: The camera's name, as in "camera_depth".
         ports: Its ports `image`, `pose`, `time_stamp` and `position`.
 
     Returns:
-        The ports to export instead, by the same names.
+        The ports to export instead, under the same names.
     """
     roles = {"image": Role.VALUE, "time_stamp": Role.STAMP}
     signal = name.removeprefix("camera_")
     carried = {key: (roles.get(key, Role.CARRIED), port) for key, port in ports.items()}
     ports = faults.tap(builder, signal, carried)
-    # A stamp by itself is a value.
+    # For a fault of the time stamps themselves, the stamp is the value.
     stamps = {"time_stamp": (Role.VALUE, ports["time_stamp"])}
     return ports | faults.tap(builder, "stamps", stamps, suffix=f"_{signal}")
 
 
 def export_triggers(builder: DiagramBuilder, faults: FaultSet) -> None:
-    """Exports `fault_trigger` for the faults among the builder's systems that wait for the arm."""
+    """Exports `fault_trigger` for all faults of a builder that wait for the arm to start."""
     port = None
     for injector in faults.waiting(builder):
         trigger = injector.GetInputPort("trigger")

@@ -29,7 +29,7 @@ from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 
 _MONITORED = ("measurement_age", "missing_joint", "goal_gap", "reset")
-"""Inputs of the safety monitor alone."""
+"""Inputs used by the safety monitor alone."""
 
 
 @dataclass
@@ -39,36 +39,36 @@ class SafetyParams:
     time_step: float = 0.05
     """Period at which clearances are measured [s]; depth images come every 0.2 s."""
     lookahead: float = 0.1
-    """Time by which the arm's motion is looked ahead [s]: `time_step`, and the time to brake."""
+    """Time by which the arm's motion is extrapolated [s]: `time_step` plus the braking time."""
     slowest_approach: float = 0.01
-    """Speed below which a link does not approach an obstacle [m/s]: noise and slack show less."""
+    """Speed below which a link does not approach an obstacle [m/s]; exceeds noise and backlash."""
     base_clearance: float = 0.01
-    """Clearance of the body at which the base does not go on [m]; its spheres bulge out by 1 cm."""
+    """Clearance of the body below which the base stops [m]; its spheres protrude by 1 cm."""
     base_delay: float = 0.1
     """Time until the base begins to brake [s]."""
     longest_gap: float = 0.12
-    """Time for which measurements and estimates may fail to come [s]: six control periods."""
+    """Longest tolerated gap in measurements and estimates [s]: six control periods."""
     catch_time: float = 0.5
-    """Time for joints that were led by hand to come to rest [s]."""
+    """Time for joints that were moved by hand to come to rest [s]."""
     link_gap: float = 2.0
-    """The same of a robot over a link [s], which holds the arm after 0.1 s by itself, goes on where
-    measurements come again, and ends the run after 1 s."""
+    """`longest_gap` of a robot over a network link [s]. The link itself holds the arm after 0.1 s,
+    continues when measurements return, and ends the run after 1 s."""
     base: BaseMotion = field(default_factory=BaseMotion)
     link_base: BaseMotion = field(
         default_factory=lambda: BaseMotion(
             has_reference=False, position_tolerance=0.005, yaw_tolerance=0.01
         )
     )
-    """The same of a robot over a link, whose base takes places, as ALMotion's `moveTo` does, no
-    finer than this."""
+    """`base` of a robot over a network link, whose base is sent to poses, as by ALMotion's
+    `moveTo`, with these tolerances."""
 
     def over_link(self) -> "SafetyParams":
-        """Returns those of a robot over a link, whose base is sent to places."""
+        """Returns the parameters for a robot over a network link."""
         return replace(self, longest_gap=self.link_gap, base=self.link_base)
 
 
 class SafetyLayer(Diagram):
-    """Monitors the clearances of arm and body, checks all commands, drives and stops the robot.
+    """Monitors the clearances of arm and body, checks all commands, drives the base, and stops.
 
     .. pydrake_system::
 
@@ -105,11 +105,12 @@ class SafetyLayer(Diagram):
 
     Inputs: the clouds in W and T (PointCloud); `head_command` (2), `arm_command` (5) [rad] and
     `arm_velocity` (5) [rad/s], as desired; `base_goal` x, y [m], yaw [rad] in W; `arm_active`
-    (1), not zero while the arm moves by itself; `started` (1), not zero once it moved; the others:
-    see `SafetyMonitor`. Outputs: `joint_position_command` (15) [rad] and `base_velocity_command`
-    (3) [m/s, m/s, rad/s]; `clearance` of the arm and `body_clearance` to the cloud [m];
-    `predicted_clearance` to which the arm's own motion leads [m]; `base_blocked` (1), 1 while the
-    base waits for an obstacle; the others: see `SafetyMonitor` and `BasePositionController`.
+    (1), not zero while the arm moves by itself; `started` (1), not zero once it has started; the
+    others: see `SafetyMonitor`. Outputs: `joint_position_command` (15) [rad] and
+    `base_velocity_command` (3) [m/s, m/s, rad/s]; `clearance` of the arm and `body_clearance` to
+    the cloud [m]; `predicted_clearance` to predicted obstacles that the arm's own motion approaches
+    [m]; `base_blocked` (1), 1 while an obstacle blocks the base; the others: see `SafetyMonitor`
+    and `BasePositionController`.
     """
 
     def __init__(
@@ -127,13 +128,13 @@ class SafetyLayer(Diagram):
 
         Args:
             model: Pepper.
-            scene: Tells which arm reaches, and where the joints start.
-            params: When the robot stops.
-            faults: Commands that fail.
-            contact: When a joint counts as held; None for an arm that gives way.
+            scene: The scene, with the reaching arm and the joints' start positions.
+            params: Thresholds and periods.
+            faults: Faults of the commands.
+            contact: Detection of a joint that is held; None for a compliant arm.
             control_period: Period of the commands [s].
             minimum_clearance: Distance of a link to an obstacle at which the robot stops [m]; None
-                if it does not.
+                for no such stop.
         """
         super().__init__()
         arm, start, period = scene.arm, scene.robot.positions(), params.time_step
@@ -182,7 +183,7 @@ class SafetyLayer(Diagram):
         )
         builder.Connect(wanted["position"], monitor.GetInputPort("joint_position_command"))
         connect(builder, driver, body_watch, "base_velocity_command")
-        # The base's pose changes with every step of a plant; commands are computed at the ticks.
+        # Held, as the base's pose changes with every step of the plant, commands only at ticks.
         held = add("base_held", ZeroOrderHold(control_period, 1))
         builder.Connect(driver.GetOutputPort("held"), held.get_input_port())
         builder.Connect(held.get_output_port(), monitor.GetInputPort("base_held"))
@@ -210,8 +211,8 @@ class SafetyLayer(Diagram):
             "base_pose": ((driver, "base_pose"), (body_watch, "base_pose")),
         }
         inputs |= {name: ((monitor, name),) for name in _MONITORED}
-        for name, heard in inputs.items():
-            export_input(builder, name, *(system.GetInputPort(port) for system, port in heard))
+        for name, targets in inputs.items():
+            export_input(builder, name, *(system.GetInputPort(port) for system, port in targets))
         for name, output in (
             ("joint_position_command", (monitor, "safe_joint_position_command")),
             ("base_velocity_command", (driver, "base_velocity_command")),

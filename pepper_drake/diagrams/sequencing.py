@@ -1,4 +1,4 @@
-"""Tasks after the reach: the system that orders them."""
+"""The sequence of tasks after the reach."""
 
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def add_sequencer(builder: DiagramBuilder, reaching: "Reaching") -> TaskSequencer:
-    """Adds and returns what tells the supervisor which task of `config.tasks` is next."""
+    """Adds and returns the system that gives the supervisor the next of `config.tasks`."""
     config, supervisor = reaching.config, reaching.supervisor
     sequencer = builder.AddNamedSystem(
         "sequencer",

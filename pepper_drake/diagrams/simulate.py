@@ -1,4 +1,4 @@
-"""THE way to run a diagram: until something ends it, with progress bar and one fault sentence."""
+"""Runs a diagram's simulation, with progress bar, interruption and error message."""
 
 import time
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from tqdm import tqdm
 from pepper_drake.errors import PepperDrakeError
 
 _KEEP_PERIOD = 0.8
-"""Wall time from when a run was kept until it is kept again [s]; a look's period comes on top."""
+"""Wall time between two calls of `keep` [s], plus up to one `period`."""
 _ROUNDING = 1e-9
 """Tolerance of times [s]."""
 _GOES_ON = (EventStatus.Severity.kDidNothing, EventStatus.Severity.kSucceeded)
@@ -22,9 +22,9 @@ class SimulationEnd:
     """End of a simulation.
 
     Attributes:
-        stopped: Whether it was asked to stop.
-        fault: Why Drake could not go on, in one sentence; empty if it could.
-        wall_seconds: What simulating took, without watching [s].
+        stopped: Whether `should_stop` ended it.
+        fault: Drake's error in one sentence; empty if there was none.
+        wall_seconds: Wall time of the simulation, without `watch` and `keep` [s].
     """
 
     stopped: bool
@@ -32,7 +32,7 @@ class SimulationEnd:
     wall_seconds: float
 
     def check(self) -> None:
-        """Raises PepperDrakeError if Drake could not go on."""
+        """Raises PepperDrakeError if the simulation failed."""
         if self.fault:
             raise PepperDrakeError(self.fault)
 
@@ -48,19 +48,19 @@ def simulate(
     progress: bool = False,
     title: str | Callable[[], str] = "simulating",
 ) -> SimulationEnd:
-    """Simulates up to a time, or until it is over, or until it is asked to stop.
+    """Simulates up to a time, or until it is over, or until it is stopped.
 
-    A monitor that the simulator has goes on monitoring.
+    A monitor already set on the simulator stays active.
 
     Args:
-        simulator: Of the diagram; initialized if it has not been yet.
-        until: Simulated time at which it ends at the latest [s].
-        watch: Called once each `period`; the simulation is over when it returns True.
-        should_stop: Asked before the first step and once each `period`.
-        keep: Called about once a second of wall time, should the program be killed.
-        period: Between two looks, simulated [s].
+        simulator: The simulator; initialized if it has not been yet.
+        until: Latest end in simulated time [s].
+        watch: Called once per `period`; the simulation is over when it returns True.
+        should_stop: Polled before the first step and once per `period`.
+        keep: Called about once a second of wall time, in case the program is killed.
+        period: Simulated time between two calls [s].
         progress: Whether a progress bar is shown.
-        title: Of the progress bar; may change.
+        title: Title of the progress bar; may change.
     """
     context, monitor = simulator.get_context(), simulator.get_monitor()
     began, watched = time.perf_counter(), 0.0

@@ -1,4 +1,4 @@
-"""PepperStation: the simulated robot in its scene, with the ports that the real robot has."""
+"""PepperStation: the simulated robot in its scene, with the real robot's ports."""
 
 import dataclasses
 import functools
@@ -52,9 +52,9 @@ from pepper_drake.systems.sensing.camera_model import CameraModel
 
 RENDERER = "vtk"
 _STRENGTH = {"base": (40.0, 80.0), "body": (10.0, 10.0)}
-"""Proportional and derivative gain of what carries the rest, over a joint's."""
+"""Factors on proportional and derivative gain of the groups that carry the others."""
 _GEAR_FRICTION = 0.3
-"""Damping that is left of a limp joint [N m s/rad]."""
+"""Damping of a limp joint [N m s/rad]."""
 _HAND_PORTS = tuple(
     f"{arm}_hand_{what}"
     for arm in ("left", "right")
@@ -63,10 +63,10 @@ _HAND_PORTS = tuple(
 
 
 def plant_config(time_step: float) -> MultibodyPlantConfig:
-    """Returns how contacts of the simulated robot are computed.
+    """Returns the contact model and solver of the simulated robot.
 
     Args:
-        time_step: Of the plant [s].
+        time_step: Time step of the plant [s].
     """
     return MultibodyPlantConfig(
         time_step=time_step,
@@ -79,7 +79,7 @@ def plant_config(time_step: float) -> MultibodyPlantConfig:
 def select_joints(
     builder: DiagramBuilder, joint_position: OutputPort, name: str, joints: Sequence[str]
 ) -> OutputPort:
-    """Adds what picks some joints out of a port in the order of `BODY_JOINTS`."""
+    """Adds a selector of some joints from a port in the order of `BODY_JOINTS`."""
     selector = builder.AddNamedSystem(
         name, MatrixGain(D=np.eye(len(BODY_JOINTS))[body_indices(joints)])
     )
@@ -88,12 +88,12 @@ def select_joints(
 
 
 def add_gravity_compensation(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
-    """Has every motor of a finalized plant carry its share of the weight.
+    """Adds gravity compensation to every actuator of a finalized plant.
 
-    Pepper's motor controllers do so, and what moves along a path hangs on motors, too. The arm
-    that is led by hand is compensated like all others. Gravity must not be switched off instead:
-    the contact solver (SAP) stops when its residual is small beside momenta and impulses. At rest
-    without gravity both are zero, and the rounding of stiff gains is never small enough.
+    Pepper's motor controllers do the same; objects that move along a path have actuators, too. A
+    limp arm is compensated like all others. Gravity must not be switched off instead: the contact
+    solver (SAP) stops when its residual is small compared with momenta and impulses. At rest
+    without gravity both are zero, and rounding errors of stiff gains are never small enough.
     """
     weights = builder.AddNamedSystem(
         "gravity_compensation",
@@ -152,24 +152,24 @@ class PepperStation(Diagram):
         - ground_truth.contact_results
 
     The joint ports have 15 elements in the order of `BODY_JOINTS` (rad); `base_velocity_command`
-    is vx, vy, yaw rate in the base frame, zero if left out; `hand_command` and `hand_opening` (2)
-    are those of `HandMotors`; `base_pose` is x, y, yaw in W by odometry. Measurements are always
-    numbers: `measurement_age` (2) tells since when joints and base were not measured [s],
-    `missing_joint` (1) which joint it was, or -1. Poses are X_WT, X_TH and X_WC, from the measured
-    joints. A camera's image, pose, time stamp (and the robot's positions, 18) belong together: all
-    four are of the moment of the capture. Input `goal_object.desired_state` (6), the offset in m
-    and its rate, is there when the config asks for it, and so is `NAME.desired_state` of each
-    obstacle that moves; `fault_trigger` (1) where a fault waits for the arm to start.
-    `applied_forces` (list of ExternallyAppliedSpatialForce) is what pulls at the robot from
-    outside. Only the ports `ground_truth.*` know what a real robot cannot.
+    is vx, vy, yaw rate in the base frame, zero if unconnected; `hand_command` and `hand_opening`
+    (2) are those of `HandMotors`; `base_pose` is x, y, yaw in W by odometry. Measurements are
+    always finite: `measurement_age` (2) is the time since joints and base were last measured [s],
+    `missing_joint` (1) the joint without a measurement, or -1. Poses are X_WT, X_TH and X_WC, from
+    the measured joints. A camera's image, pose, time stamp (and the robot's positions, 18) all
+    belong to the time of capture. The input `goal_object.desired_state` (6), the offset [m] and its
+    rate, exists if configured, as does `NAME.desired_state` of each moving obstacle;
+    `fault_trigger` (1) exists if a fault waits for the arm to start. `applied_forces` (list of
+    ExternallyAppliedSpatialForce) are external forces on the robot. A real robot has all ports but
+    `ground_truth.*`.
 
     Attributes:
         plant: The plant with Pepper and the scene.
         scene_graph: Its geometry.
         pepper: Pepper's model instance.
-        scene_models: The scene's bodies; none where Pepper is alone.
-        renderer: Of the cameras' images, if there are cameras.
-        depth_intrinsics: Of the images of the depth camera, or of the stereo pair in its place.
+        scene_models: The scene's bodies; none without a scene.
+        renderer: Renderer of the cameras' images, if there are cameras.
+        depth_intrinsics: Intrinsics of the depth camera, or of the stereo pair used instead.
     """
 
     def __init__(
@@ -182,13 +182,13 @@ class PepperStation(Diagram):
         """Makes the station.
 
         Args:
-            scene: Where Pepper stands; None for Pepper alone, without cameras.
-            config: How it is simulated.
+            scene: The scene; None for Pepper alone, without cameras.
+            config: Configuration of the simulation.
             model: Pepper's kinematics.
-            positions: Where every joint starts [rad, m], by name; as in the scene if left out.
+            positions: Start positions of all joints by name [rad, m]; the scene's if omitted.
         """
         super().__init__()
-        # An earlier station takes 100 MB, but is so few objects that nobody looks for it so soon.
+        # An earlier station takes 100 MB, but too few objects to trigger a collection soon.
         gc.collect()
         self.config, self.control_model = config, model
         self.renderer: AsyncRenderer | None = None
@@ -265,34 +265,34 @@ class PepperStation(Diagram):
         build_into(builder, self)
 
     def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
-        """Parameters with which obstacles are seen in the depth images of this station.
+        """Adapts the parameters of obstacle detection to the noise of this station's images.
 
         Args:
-            parameters: Those wanted.
+            parameters: The parameters.
         """
         validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
         return dataclasses.replace(parameters, validity=validity)
 
     def robot_geometries(self) -> set[GeometryId]:
-        """Pepper's collision geometries."""
+        """Returns Pepper's collision geometries."""
         return self._geometries(index for index in self.plant.GetBodyIndices(self.pepper))
 
     def obstacle_geometries(self) -> set[GeometryId]:
-        """The collision geometries of what must not be touched."""
+        """Returns the obstacles' collision geometries."""
         return self._geometries(
             self.plant.GetBodyByName(name).index() for name in self.scene_models.obstacles
         )
 
     def robot_bodies(self) -> set[BodyIndex]:
-        """The indices of Pepper's bodies."""
+        """Returns the indices of Pepper's bodies."""
         return set(self.plant.GetBodyIndices(self.pepper))
 
     def goal_bodies(self) -> set[BodyIndex]:
-        """The index of the goal object's body."""
+        """Returns the index of the goal object's body."""
         return {self.plant.GetBodyByName(self.scene_models.goal_object).index()}
 
     def goal_geometries(self) -> set[GeometryId]:
-        """The collision geometries of the goal object."""
+        """Returns the goal object's collision geometries."""
         goal = self.plant.GetBodyByName(self.scene_models.goal_object)
         return self._geometries([goal.index()])
 
@@ -305,15 +305,15 @@ class PepperStation(Diagram):
         }
 
     def set_stiffness(self, group: str, stiffness: float) -> None:
-        """Sets the stiffness of a joint group, from 0 (limp) to 1, as NAOqi has it.
+        """Sets the stiffness of a joint group, from 0 (limp) to 1, as in NAOqi.
 
-        It is the plant's, not a context's: all simulations of this station have it from now on.
+        It belongs to the plant, not to a context: all simulations of this station use it from now.
         """
         for name in JOINT_GROUPS[group]:
             self.set_joint_stiffness(name, stiffness)
 
     def set_joint_stiffness(self, name: str, stiffness: float) -> None:
-        """Sets the stiffness of one joint, as `set_stiffness` does of a group."""
+        """Sets the stiffness of one joint; see `set_stiffness`."""
         group = next(group for group, names in JOINT_GROUPS.items() if name in names)
         firmness, damping = _STRENGTH.get(group, (1.0, 1.0))
         gains = PdControllerGains(
@@ -345,7 +345,7 @@ class PepperStation(Diagram):
         return ports
 
     def _add_motions(self, builder: DiagramBuilder) -> None:
-        """Moves what has a path along it."""
+        """Adds the motions of objects that have a path."""
         for moving in self.scene_models.moving:
             desired_state = self.plant.get_desired_state_input_port(moving.model)
             is_goal = moving.name == self.scene_models.goal_object
@@ -446,7 +446,7 @@ class PepperStation(Diagram):
         camera: System,
         image: str,
     ) -> None:
-        """Tells a camera where it is, and exports its ports."""
+        """Connects a camera's pose and exports its ports."""
         builder.Connect(kinematics.GetOutputPort(f"{name}_pose"), camera.GetInputPort("X_WC"))
         builder.Connect(kinematics.GetOutputPort("robot_position"), camera.GetInputPort("position"))
         builder.ExportInput(camera.GetInputPort("enabled"), f"{name}.enabled")

@@ -1,4 +1,4 @@
-"""Configuration of the simulated robot: what a scenario's `station` sets."""
+"""Configuration of the simulated robot, set by a scenario's `station`."""
 
 from dataclasses import dataclass, field
 
@@ -19,35 +19,35 @@ class StationConfig:
     command_period: float = CONTROL_PERIOD
     """Period at which joint commands arrive [s]."""
     cameras: bool = True
-    """True for a robot with cameras; without them a run is several times faster."""
+    """True for a robot with cameras; without them runs are several times faster."""
     camera_period: float = 0.2
     """Time between images of each camera [s]."""
     camera_latency: float = 0.15
-    """From an image's capture until it is out [s]; assumed for images that come over a network."""
+    """Time from an image's capture to its arrival [s]; an assumption for images over a network."""
     noise: bool = True
-    """True to give the cameras the noise of the real ones."""
+    """True to simulate the noise of the real cameras."""
     stereo: bool = False
-    """True for a stereo pair with a projector in the depth camera's place; 20 times as slow."""
+    """True to replace the depth camera by a stereo pair with a projector; 20 times as slow."""
     stereo_pair: StereoConfig = field(default_factory=StereoConfig)
     """Matching and segmentation of its images."""
     seed: int = 0
     """Seed of all sensor noise."""
     goal_motion_port: bool = False
-    """True if the goal object's motion comes in by the port `goal_object.desired_state`, and not
-    from the path in its scene by the clock."""
+    """True if the goal object's motion is an input, `goal_object.desired_state`; otherwise it
+    follows its path in the scene by simulation time."""
     obstacle_motion_ports: bool = False
-    """True if the motion of each obstacle that has a path comes in by a port in the same way."""
+    """True if the motion of each obstacle that has a path is an input, too."""
     stiffness: dict[str, float] = field(default_factory=lambda: dict.fromkeys(JOINT_GROUPS, 1.0))
-    """Stiffness of each joint group, from 0 (limp) to 1, as NAOqi has it."""
+    """Stiffness of each joint group, from 0 (limp) to 1, as in NAOqi."""
     proportional_gain: float = 400.0
     """Gain at stiffness 1 [N m/rad], for the base's x and y [N/m]; body and base have more."""
     derivative_gain: float = 10.0
-    """Gain at stiffness 1 [N m s/rad]; body and base have more. It goes with the root of the
-    stiffness, so that a soft joint is damped as well as a stiff one."""
+    """Gain at stiffness 1 [N m s/rad]; body and base have more. It is proportional to the square
+    root of the stiffness, which keeps the damping ratio constant."""
 
     wear: RobotWear | None = None
-    """Errors of a used robot; None for one as in its model. A stereo pair has none of its own."""
+    """Errors of a worn robot; None for one as in its model. A stereo pair has none of its own."""
     calibration: RobotCalibration | None = None
-    """Errors that are known, by which measurements and commands are corrected; None for none."""
+    """Estimated errors, used to correct measurements and commands; None for none."""
     faults: FaultSet = field(default_factory=FaultSet)
     """Signals that fail during the run."""

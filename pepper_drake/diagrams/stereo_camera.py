@@ -1,4 +1,4 @@
-"""A stereo pair behind Pepper's eyes that delivers depth images, in place of the depth camera."""
+"""A stereo pair behind Pepper's eyes that replaces the depth camera."""
 
 from dataclasses import dataclass, field
 
@@ -19,16 +19,16 @@ from pepper_drake.systems.sensing.stereo_depth import StereoDepth
 
 @dataclass
 class StereoConfig:
-    """Numbers of seeing depth with two cameras."""
+    """Parameters of stereo depth."""
 
     matching: StereoParameters = field(default_factory=StereoParameters)
     """Matching of the two images."""
     segmentation: SegmentationParameters = field(default_factory=SegmentationParameters)
-    """Segmentation of what was matched into objects."""
+    """Segmentation of the images into objects."""
 
 
 class StereoCamera(Diagram):
-    """Two colour cameras, a projector between them if wanted, and the matching of their images.
+    """Two colour cameras, an optional pattern projector, and the matching of their images.
 
     .. pydrake_system::
 
@@ -44,9 +44,9 @@ class StereoCamera(Diagram):
         - time_stamp
         - position
 
-    The ports are a depth CameraModel's, but for `query`, the scene graph's QueryObject, in place of
-    a rendered image: `X_WC` in is the measured pose of the depth camera's frame on the head, `X_WC`
-    out that of the rectified left camera.
+    The ports are a depth CameraModel's, except that `query`, the scene graph's QueryObject,
+    replaces the rendered image. The input `X_WC` is the measured pose of the depth camera's frame
+    on the head, the output `X_WC` that of the rectified left camera.
 
     Args:
         head: The head's frame in the scene graph.
@@ -54,13 +54,13 @@ class StereoCamera(Diagram):
         robot: The robot's shapes, to mask its own body.
         period: Time between pairs of images [s].
         offset: Time of the first pair [s].
-        noise: Of both cameras.
+        noise: Noise of both cameras.
         config: Matching and segmentation of their images.
-        pattern: Whether a projector throws a pattern on the scene: bare walls match nothing.
-        seed: Of noise and pattern.
+        pattern: Whether to project a pattern on the scene: untextured walls cannot be matched.
+        seed: Seed of noise and pattern.
 
     Attributes:
-        intrinsics: Of the depth images.
+        intrinsics: Intrinsics of the depth images.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class StereoCamera(Diagram):
                     num_positions=robot.num_positions,
                 ),
             )
-            image = self._lit(builder, sensor, camera, left)
+            image = self._projected(builder, sensor, camera, left)
             builder.Connect(image, model.get_image_input_port())
             for name, port in (
                 ("query", sensor.query_object_input_port()),
@@ -136,10 +136,10 @@ class StereoCamera(Diagram):
             builder.ExportOutput(depth.GetOutputPort(name), name)
         build_into(builder, self)
 
-    def _lit(
+    def _projected(
         self, builder: DiagramBuilder, sensor: RgbdSensor, camera: HeadCamera, projector: HeadCamera
     ) -> OutputPort:
-        """The sensor's image, under the projector's light if there is one beside the left eye."""
+        """Returns the sensor's image, with the pattern of a projector at the left eye if any."""
         if not self._pattern:
             return sensor.color_image_output_port()
         X_CP = camera.X_HeadC.inverse() @ projector.X_HeadC

@@ -1,4 +1,4 @@
-"""Outcomes of the tasks of a run: when each began, and where the hand was at its end."""
+"""Outcomes of the tasks of a run."""
 
 from collections.abc import Sequence
 
@@ -12,12 +12,12 @@ from pepper_drake.results.reach_report import TaskOutcome
 def task_outcomes(
     names: Sequence[str], tasks: npt.NDArray[np.int64], log: ReachLog
 ) -> list[TaskOutcome]:
-    """Returns an outcome for each task that was begun.
+    """Returns an outcome for each task that was started.
 
     Args:
-        names: Of all tasks, the reach first.
-        tasks: The task of each logged row (N,).
-        log: The run's.
+        names: Names of all tasks, the reach first.
+        tasks: Task number of each logged row (N,).
+        log: The run's log.
     """
     outcomes = []
     for number in np.unique(tasks):

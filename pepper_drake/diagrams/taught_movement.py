@@ -1,4 +1,4 @@
-"""The taught movement beside the one that is performed: its path, and what it would have met."""
+"""The taught movement, compared with the performed one: its path, and obstacles on it."""
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from pepper_drake.results.movement_report import ADAPTED, MovementReport
 Vector = npt.NDArray[np.float64]
 
 _STRIDE = 5
-"""Commands of a path between those whose true clearance is asked for."""
+"""Number of path samples between true-clearance queries."""
 
 
 def taught_path(
@@ -27,15 +27,15 @@ def taught_path(
     hand: Vector,
     goal: Vector,
 ) -> Vector:
-    """Returns the taught primitive's path (K, 3) to the goal as it moved, not bent, not adapted.
+    """Returns the taught primitive's path (K, 3) to the moving goal, neither coupled nor adapted.
 
     Args:
-        primitive: As taught.
-        times: (N,) of the rows [s].
-        mode: (N,) the supervisor's `ReachMode`.
-        origin: (N,) the `Origin` of the movement: a retreat has another goal.
-        hand: (N, 3) measured position in T [m].
-        goal: (N, 3) estimated goal of the hand in T [m].
+        primitive: The taught primitive.
+        times: Times of the rows (N,) [s].
+        mode: The supervisor's `ReachMode` (N,).
+        origin: The `Origin` of the movement (N,): a retreat has another goal.
+        hand: Measured hand position in T (N, 3) [m].
+        goal: Estimated goal of the hand in T (N, 3) [m].
     """
     reaching = np.isin(mode, (ReachMode.REACHING, ReachMode.HOLDING))
     moving = np.flatnonzero(reaching & ~np.isin(origin, (Origin.NONE, Origin.RETREAT)))
@@ -63,14 +63,14 @@ def explain_adaptation(
     root: Context,
     state: Vector,
 ) -> None:
-    """Fills in why a movement was not performed as taught: what it would have met.
+    """Fills in why a movement was not performed as taught.
 
     Args:
-        report: Of the same reach.
+        report: Report of the same reach.
         reaching: The diagram.
-        observation: What was known when the movement was planned.
+        observation: The observation with which the movement was planned.
         root: A context of the root diagram that may be changed.
-        state: Of the plant when the arm started.
+        state: State of the plant when the arm started.
     """
     if report.kind != ADAPTED or observation is None:
         return

@@ -1,4 +1,4 @@
-"""Kinesthetic teaching in simulation: a limp arm, a hand that guides it, and a recorder."""
+"""Kinesthetic teaching in simulation: a limp arm, a guide, and a recorder."""
 
 from collections.abc import Mapping
 
@@ -14,10 +14,10 @@ from pepper_drake.systems.guiding.motion_recorder import MotionRecorder
 
 
 class Teaching(Diagram):
-    """Pepper stands, one arm is free, and a person moves it; the motion is recorded.
+    """Records the motion of one arm moved by a person.
 
-    Either the arm is limp and a guide pulls its hand, or the joints are dragged. All else is held
-    where it starts, the base at the world's origin; there are no obstacles.
+    Either the arm is limp and a guide pulls its hand, or the joints are dragged. The other joints
+    are held at their start positions, the base at the world's origin; there are no obstacles.
 
     .. pydrake_system::
 
@@ -34,7 +34,7 @@ class Teaching(Diagram):
         - query
 
     `guide_pose` is X_WG and `guide_velocity` V_WG; see `HandGuide`. `joint_target` (5) is sampled
-    once in each control period and reached at its end [rad]. `hand_pose` is X_TH, `torso_pose`
+    once per control period and reached at its end [rad]. `hand_pose` is X_TH, `torso_pose`
     X_WT; `joint_position` (15) is in the order of `BODY_JOINTS` [rad]; `guide_force` (6), torque
     and force on the hand in W [N m, N]; `query` the geometry.
 
@@ -59,8 +59,8 @@ class Teaching(Diagram):
             arm: The arm that is taught, "left" or "right".
             positions: Start positions of all joints by name [rad, m].
             guided_by: "hand" or "joints".
-            params: How firmly the guide holds the hand.
-            dragged_stiffness: Of joints that are dragged: they follow within the rated efforts.
+            params: Stiffness and damping of the guide's grip.
+            dragged_stiffness: Stiffness of dragged joints: they follow within the rated efforts.
             record_period: The recorder's step [s].
         """
         super().__init__()
@@ -77,7 +77,7 @@ class Teaching(Diagram):
             builder.ExportInput(guide.guide_velocity_input, "guide_velocity")
             builder.ExportOutput(guide.force_output, "guide_force")
         else:
-            # Held, so that nothing is computed at the plant's rate.
+            # Held, so that it is not computed at the plant's rate.
             hold = builder.AddNamedSystem("target", ZeroOrderHold(CONTROL_PERIOD, len(taught)))
             builder.Connect(hold.get_output_port(), commands.get_input_port())
             builder.ExportInput(hold.get_input_port(), "joint_target")

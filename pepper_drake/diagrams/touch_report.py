@@ -1,4 +1,4 @@
-"""Speed and force of a simulated robot's contacts, from its recorded states."""
+"""Speeds of a simulated robot at contact, and its stopping time, from recorded states."""
 
 from dataclasses import dataclass
 
@@ -15,18 +15,18 @@ from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 Vector = npt.NDArray[np.float64]
 
 _NEAR = 0.1
-"""Pairs of shapes farther apart are not looked at [m]."""
-_STILL = 0.02
-"""A robot whose joints are all slower than this stands [rad/s]."""
+"""Pairs of shapes farther apart are ignored [m]."""
+_REST_SPEED = 0.02
+"""Joint speed below which the robot is at rest [rad/s]."""
 
 
 @dataclass(frozen=True)
 class TouchSpeed:
-    """Speeds at the moment before a touch.
+    """Speeds just before contact.
 
     Attributes:
-        relative: Speed of the link's nearest point against the obstacle's [m/s].
-        own: Speed of that point of the link [m/s]: the robot's part in it.
+        relative: Relative speed of the nearest points of link and obstacle [m/s].
+        own: Speed of that point of the link [m/s]: the robot's own contribution.
     """
 
     relative: float
@@ -39,16 +39,16 @@ def touch_speed(
     states: Vector,
     clearance: Vector,
 ) -> TouchSpeed | None:
-    """Speeds at the first touch of an obstacle, from the state before it.
+    """Returns the speeds at the first contact with an obstacle, from the state before it.
 
     Args:
-        station: Whose plant it is.
+        station: The station.
         context: A context of the station, which is changed.
         states: The plant's states (N, positions and velocities).
         clearance: True distance of the robot to obstacles at the same times (N,) [m].
 
     Returns:
-        The speeds; None if nothing was touched.
+        The speeds; None without contact.
     """
     touching = np.flatnonzero(clearance <= 0.0)
     if not len(touching):
@@ -86,7 +86,7 @@ def _point_velocity(
     geometry: GeometryId,
     p_GC: Vector,
 ) -> Vector:
-    """Velocity in W (3,) [m/s] of a point fixed on a geometry."""
+    """Returns the velocity in W (3,) [m/s] of a point fixed on a geometry."""
     body = plant.GetBodyFromFrameId(query.inspector().GetFrameId(geometry))
     velocity = plant.EvalBodySpatialVelocityInWorld(context, body)
     p_WC = query.GetPoseInWorld(geometry) @ p_GC
@@ -95,36 +95,36 @@ def _point_velocity(
 
 
 def arm_speed(model: ControlModel, arm: str, joint_positions: Vector, time_step: float) -> float:
-    """Largest speed of the arm's points against the torso on a recorded motion [m/s].
+    """Returns the arm's largest speed relative to the torso in a recorded motion [m/s].
 
     Args:
         model: Pepper.
-        arm: "left" or "right"; the centres of its spheres are the points.
+        arm: "left" or "right"; its points are the centres of its spheres.
         joint_positions: The arm's joints (N, 5) [rad].
-        time_step: Between them [s].
+        time_step: Time between them [s].
     """
     if len(joint_positions) < 2:
         return 0.0
     kinematics = arm_kinematics(model, arm)
     centers = kinematics.sphere_centers(kinematics.poses(joint_positions))  # (3, S, N)
-    ways = np.diff(centers, axis=-1)
-    return float(np.linalg.norm(ways, axis=0).max() / time_step)
+    displacements = np.diff(centers, axis=-1)
+    return float(np.linalg.norm(displacements, axis=0).max() / time_step)
 
 
 def stopping_time(
     times: Vector, joint_commands: Vector, base_poses: Vector, since: float
 ) -> float | None:
-    """Time from an event until the robot stands for good [s]; None if it never does.
+    """Returns the time from an event until the robot stays at rest [s]; None if it never does.
 
     Args:
         times: (N,) [s], evenly spaced.
-        joint_commands: Of the joints that have to stand (N, n) [rad].
+        joint_commands: Commands of the joints considered (N, n) [rad].
         base_poses: (N, 3) [m, m, rad].
         since: Time of the event [s].
     """
     step = float(times[1] - times[0])
     speeds = np.abs(np.diff(np.hstack((joint_commands, base_poses)), axis=0)).max(axis=1) / step
-    moving = np.flatnonzero(speeds > _STILL)
+    moving = np.flatnonzero(speeds > _REST_SPEED)
     if len(moving) and moving[-1] == len(speeds) - 1:
         return None
     last = float(times[moving[-1] + 1]) if len(moving) else since

@@ -1,1 +1,1 @@
-"""Accuracy of perception and of approximators against the truth."""
+"""Evaluation of perception, approximators and faults against the ground truth."""

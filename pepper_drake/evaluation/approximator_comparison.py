@@ -19,16 +19,16 @@ REPORT_NUM_BASIS = (20, 30, 40, 50, 60)
 
 @dataclass(frozen=True)
 class ComparisonRow:
-    """One approximator with one number of basis functions, over all demonstrations.
+    """Results of one approximator with one number of basis functions, over all demonstrations.
 
     Attributes:
-        approximator: Its name.
-        num_basis: Number of basis functions asked for (`lwpr` chooses its own from there).
-        demonstrations: How many there were.
+        approximator: Name of the approximator.
+        num_basis: Requested number of basis functions (`lwpr` only starts from it).
+        demonstrations: Number of demonstrations.
         position_distance: Mean of equation 4.1 [m].
-        velocity_distance: The same of velocities [m/s].
+        velocity_distance: The same for velocities [m/s].
         position_distance_median: Median of equation 4.1 [m].
-        velocity_distance_median: The same of velocities [m/s].
+        velocity_distance_median: The same for velocities [m/s].
         fit_seconds: Median time to fit the translation.
         rollout_seconds: Median time of a rollout after the first, which computes the basis.
     """
@@ -45,10 +45,10 @@ class ComparisonRow:
 
 
 def trajectory_distance(demonstrated: Array, performed: Array) -> float:
-    """Returns the distance of two trajectories (N, 3), equation 4.1.
+    """Returns the distance between two trajectories (N, 3), equation 4.1.
 
-    The mean over the coordinates of sqrt(sum_i (demonstrated_i - performed_i)²). It grows with
-    the root of the number of samples: a constant error of 1 mm over 300 samples counts 17 mm.
+    It is the mean over the coordinates of sqrt(sum_i (demonstrated_i - performed_i)²) and grows
+    with the root of the number of samples: a constant error of 1 mm over 300 samples gives 17 mm.
     """
     return float(np.sqrt(np.sum((demonstrated - performed) ** 2, axis=0)).mean())
 
@@ -56,7 +56,7 @@ def trajectory_distance(demonstrated: Array, performed: Array) -> float:
 def distances(demonstration: Demonstration, path: Path3D) -> tuple[float, float]:
     """Returns the position [m] and velocity [m/s] distance of a path, at the demonstration's times.
 
-    Between its samples the path is taken as the cubic that its own derivatives give.
+    The path is interpolated by cubic Hermite splines with its own derivatives.
     """
     times = demonstration.times - demonstration.times[0]
     positions = CubicHermiteSpline(path.times, path.positions, path.velocities)(times)
@@ -68,17 +68,17 @@ def distances(demonstration: Demonstration, path: Path3D) -> tuple[float, float]
 
 
 def translation_only(demonstration: Demonstration) -> Demonstration:
-    """Returns the demonstration without orientation and joints, which table 4.1 leaves out."""
+    """Returns the demonstration without orientation and joints, which table 4.1 omits."""
     return replace(demonstration, rotations=None, angles=None, joints=None, joint_names=())
 
 
 def reproduce_demonstration(
     demonstration: Demonstration, approximator: str, num_basis: int
 ) -> tuple[Path3D, float, float]:
-    """Fits a demonstration and performs it.
+    """Fits a demonstration and rolls it out.
 
     Returns:
-        The path, the seconds to fit, and the seconds of a rollout with the basis cached.
+        The path, the time to fit and the time of a rollout with the cached basis [s].
     """
     motion = translation_only(demonstration)
     time_step = motion.duration / (len(motion.times) - 1)
@@ -103,7 +103,7 @@ def compare(
         demonstrations: At least one.
         approximators: Names; see `approximator_names`.
         nums_basis: Numbers of basis functions.
-        progress: Called after each fit, `len(demonstrations)` times a row.
+        progress: Called after each fit, `len(demonstrations)` times per row.
     """
     return [
         _row(demonstrations, approximator, num_basis, progress)
@@ -142,7 +142,7 @@ def _row(
 
 
 def markdown_table(rows: Sequence[ComparisonRow]) -> str:
-    """Returns the rows as a table in Markdown, in m, m/s and ms."""
+    """Returns the rows as a Markdown table, in m, m/s and ms."""
     count = rows[0].demonstrations if rows else 0
     lines = [
         f"# Comparison of the approximators on {count} demonstrations",
@@ -174,14 +174,14 @@ _TRAITS = {
     "gmr": "places its Gaussians where the data are; several demonstrations with their spread",
     "lwpr": "chooses its number of receptive fields by itself, and learns sample by sample",
 }
-"""Description of each method, in a few words."""
+"""Short description of each method."""
 
 
 def strengths(rows: Sequence[ComparisonRow]) -> list[str]:
-    """Returns a line for each approximator: how it did at its best, and what it is good at.
+    """Returns a line for each approximator: its best result and its strengths.
 
-    "most accurate", "best velocities" and "quickest to fit" are measured: of all these rows, by the
-    medians; the rest is what the method is.
+    "most accurate", "best velocities" and "quickest to fit" follow from the medians in the rows;
+    the rest describes the method.
     """
     lines = ["What each is good at (with the number of basis functions that suits it best):"]
     names = list(dict.fromkeys(row.approximator for row in rows))
@@ -199,11 +199,11 @@ def strengths(rows: Sequence[ComparisonRow]) -> list[str]:
     }
     for name in names:
         row = best[name]
-        won = [award for award, winner in awards.items() if winner == name]
-        told = "; ".join([*won, *([_TRAITS[name]] if name in _TRAITS else [])])
+        awarded = [award for award, winner in awards.items() if winner == name]
+        description = "; ".join([*awarded, *([_TRAITS[name]] if name in _TRAITS else [])])
         lines.append(
             f"  {name:17s} {1000 * row.position_distance_median:8.2g} mm (4.1),"
             f" {1000 * row.fit_seconds:7.1f} ms with {row.num_basis:2d}"
-            + (f": {told}" if told else "")
+            + (f": {description}" if description else "")
         )
     return lines

@@ -1,4 +1,4 @@
-"""Pepper posed in a scene, and what its cameras render: to measure perception without a motion."""
+"""A posed Pepper in a scene with rendered camera images, to measure perception without motion."""
 
 import weakref
 from collections.abc import Mapping, Sequence
@@ -35,17 +35,17 @@ _RENDERER = "vtk"
 
 
 class CameraRig:
-    """A scene with Pepper and its head cameras, without control and without time.
+    """A static scene with Pepper and its head cameras, without control.
 
-    Images are perfect: noise and lens belong to `pepper_drake.perception.cameras.noise`.
+    Images are ideal: `pepper_drake.perception.cameras.noise` adds noise and lens distortion.
 
     Args:
-        scene: The scene; Pepper starts as it says.
+        scene: The scene, which includes Pepper's initial positions.
         cameras: The cameras on the head.
 
     Attributes:
         plant: The plant with Pepper and the scene.
-        scene_graph: Its geometry.
+        scene_graph: The plant's geometry.
         pepper: Pepper's model instance.
         scene_models: The scene's bodies.
         cameras: The cameras by name.
@@ -85,13 +85,13 @@ class CameraRig:
         set_joint_positions(self.plant, self._plant_context, self.pepper, positions)
 
     def move_object(self, name: str, offset: npt.ArrayLike) -> None:
-        """Moves an object that has a path by an offset (3,) [m] from where the scene has it."""
+        """Moves an object with a path to an offset (3,) [m] from its position in the scene."""
         for axis, value in zip("xyz", np.asarray(offset, dtype=float), strict=True):
             joint = self.plant.GetJointByName(f"{name}_{axis}")
             joint.set_translation(self._plant_context, value)
 
     def pepper_positions(self) -> npt.NDArray[np.float64]:
-        """Returns Pepper's positions (18,), in the order of a plant that holds Pepper alone."""
+        """Returns Pepper's positions (18,), in the order of a plant with only Pepper."""
         return self.plant.GetPositions(self._plant_context, self.pepper)
 
     def pose(self, frame: str) -> RigidTransform:
@@ -105,7 +105,7 @@ class CameraRig:
         return self.plant.EvalBodyPoseInWorld(self._plant_context, self.plant.GetBodyByName(name))
 
     def surfaces(self, bodies: Sequence[str]) -> TrueSurfaces:
-        """Returns the true surfaces of some bodies: of what the cameras see of them."""
+        """Returns the true surfaces of the shapes of some bodies that cameras see."""
         inspector = self.scene_graph.model_inspector()
         shapes = []
         for name in bodies:
@@ -114,12 +114,12 @@ class CameraRig:
             for geometry in inspector.GetGeometries(frame, Role.kPerception):
                 shape = inspector.GetShape(geometry)
                 if isinstance(shape, Mesh) and shape.source().is_in_memory():
-                    continue  # The marker's picture, flush with its plate.
+                    continue  # The marker's texture, flush with its plate.
                 shapes.append((shape, X_WB @ inspector.GetPoseInFrame(geometry)))
         return TrueSurfaces(shapes)
 
     def pepper_bodies(self) -> list[str]:
-        """Returns the names of Pepper's links that the cameras see."""
+        """Returns the names of Pepper's links that cameras see."""
         inspector = self.scene_graph.model_inspector()
         names = []
         for index in self.plant.GetBodyIndices(self.pepper):
@@ -129,7 +129,7 @@ class CameraRig:
         return names
 
     def shows(self, camera: str, bodies: Sequence[str]) -> npt.NDArray[np.bool_]:
-        """Renders which pixels (height, width) of a camera show one of some bodies."""
+        """Renders a mask (height, width) of a camera's pixels that show one of some bodies."""
         labels = [int(self.plant.GetBodyByName(name).index()) for name in bodies]
         return np.isin(self.label(camera), labels)
 
@@ -139,19 +139,19 @@ class CameraRig:
         return self._eval(sensor, sensor.color_image_output_port())
 
     def depth(self, camera: str) -> npt.NDArray[np.float32]:
-        """Renders a depth image (height, width) [m]: infinite beyond far, 0 nearer than near."""
+        """Renders a depth image (height, width) [m]: infinite beyond far, 0 below near."""
         sensor = self._sensors[camera]
         return self._eval(sensor, sensor.depth_image_32F_output_port())[..., 0]
 
     def label(self, camera: str) -> npt.NDArray[np.int16]:
-        """Renders the body index of what each pixel shows (height, width)."""
+        """Renders the index of the body in each pixel (height, width)."""
         sensor = self._sensors[camera]
         return self._eval(sensor, sensor.label_image_output_port())[..., 0]
 
     def color_from(
         self, intrinsics: CameraIntrinsics, X_WC: RigidTransform
     ) -> npt.NDArray[np.uint8]:
-        """Renders what a camera anywhere in the world sees (height, width, 4)."""
+        """Renders a colour image (height, width, 4) of a camera at any pose."""
         camera, _ = make_render_cameras(intrinsics, _RENDERER)
         query = self.scene_graph.get_query_output_port().Eval(
             self.scene_graph.GetMyContextFromRoot(self._context)

@@ -1,4 +1,4 @@
-"""Every fault in whole reaches: the outcome, and whether anything was touched, as a table."""
+"""Every fault in complete reaches: table of outcomes and contacts."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -13,10 +13,10 @@ from pepper_drake.scenario import Scenario, build_reaching
 from pepper_drake.systems.faults.fault import KINDS, SIGNALS, sensible_faults
 
 STARTS = ("0", "reach")
-"""From the start on, and from the moment when the arm starts."""
+"""Start times of the faults: from the beginning, and from the arm's start."""
 
 LARGEST_TOUCH_SPEED = 0.05
-"""No link may touch anything faster [m/s]."""
+"""Largest speed of a link at a contact that counts as safe [m/s]."""
 LARGEST_ACCELERATION = 10.0
 """Acceleration limit of joint commands [rad/s^2]."""
 
@@ -26,9 +26,9 @@ class FaultCase:
     """One fault in one reach.
 
     Attributes:
-        fault: As SIGNAL:KIND@START[+DURATION].
+        fault: The fault as SIGNAL:KIND@START[+DURATION].
         scene: A shipped scene's name or a file.
-        seed: Of all that is random.
+        seed: Seed of all random numbers.
     """
 
     fault: str
@@ -57,7 +57,7 @@ class FaultResult:
 
     @property
     def is_safe(self) -> bool:
-        """True if nothing was touched too fast and no command was outside its limits."""
+        """True if no contact was too fast, no command beyond its limits, and no exception rose."""
         touch = self.own_touch_speed or 0.0
         return (
             touch <= LARGEST_TOUCH_SPEED
@@ -69,7 +69,7 @@ class FaultResult:
 def fault_cases(
     scenes: Sequence[str], seed: int, starts: Sequence[str] = STARTS
 ) -> list[FaultCase]:
-    """All sensible faults from each start on, in each scene; the seed grows by one a scene."""
+    """Returns all sensible faults with each start in each scene; the seed grows by 1 per scene."""
     return [
         FaultCase(f"{signal}:{kind}@{start}", scene, seed + number)
         for signal, kind in sensible_faults()
@@ -79,11 +79,11 @@ def fault_cases(
 
 
 def run_fault(case: FaultCase, scenario: Scenario | None = None) -> FaultResult:
-    """Simulates the reach of a case, unseen; one that ends by an exception is a result, too.
+    """Simulates the reach of a case, without display; an exception gives a result, too.
 
     Args:
         case: Scene, seed and fault.
-        scenario: The numbers of the loop; the usual ones if None.
+        scenario: Parameters of the loop; the defaults if None.
     """
     try:
         chosen = replace(
@@ -96,35 +96,35 @@ def run_fault(case: FaultCase, scenario: Scenario | None = None) -> FaultResult:
         report = ReachSimulation(reaching, RunOptions(progress=False)).run().report
         return fault_result(case, report)
     except Exception as error:
-        words = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        report = ReachReport(outcome="failed", reason="simulation_failed", message=words)
+        message = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        report = ReachReport(outcome="failed", reason="simulation_failed", message=message)
         return fault_result(case, report)
 
 
 def fault_result(case: FaultCase, report: ReachReport) -> FaultResult:
-    """Takes from a report what the table tells."""
+    """Returns the table's fields of a report."""
     names = FaultResult.__dataclass_fields__.keys() - asdict(case).keys()
     return FaultResult(**asdict(case), **{name: getattr(report, name) for name in names})
 
 
 def load_results(path: Path) -> dict[FaultCase, FaultResult]:
-    """The results that a file has, a list of `FaultResult` in JSON.
+    """Loads results from a file, a list of `FaultResult` in JSON.
 
     Raises:
-        InputError: There is no such file, or it holds something else.
+        InputError: The file is missing, or has other content.
     """
-    mend = "remove it or give another --output"
+    remedy = "remove it or give another --output"
     try:
         results = [FaultResult(**row) for row in read_json(path)]
     except TypeError:
-        raise InputError(f"{path}: not a table of faults' results; {mend}") from None
+        raise InputError(f"{path}: not a table of faults' results; {remedy}") from None
     for result in results:
-        check_fields(result, str(path), mend)
+        check_fields(result, str(path), remedy)
     return {FaultCase(row.fault, row.scene, row.seed): row for row in results}
 
 
 def markdown_table(results: Iterable[FaultResult]) -> str:
-    """The results as a Markdown document, what is not safe first said, signal by signal."""
+    """Returns the results as a Markdown document: counts, signals, kinds, and a table of runs."""
     results = list(results)
     unsafe = [result for result in results if not result.is_safe]
     touched = [result for result in results if result.contacts]

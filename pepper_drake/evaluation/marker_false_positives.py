@@ -1,4 +1,4 @@
-"""Is anything ever taken for the goal that is not? Frames without it, with others', half hidden."""
+"""False detections of the goal in images without its marker, with another, or half of it."""
 
 from dataclasses import dataclass
 
@@ -18,10 +18,10 @@ Image = npt.NDArray[np.uint8]
 KINDS = ("no marker", "wrong marker", "half hidden")
 
 _FRAMES_A_VIEW = 20
-"""Frames in a row from one place: what is mistaken once is mistaken again, and gets believed."""
+"""Consecutive frames from one view: a repeated false detection can pass the goal filter."""
 
 _WRONG_BEYOND = 0.02
-"""A goal published farther than this from the true one is a wrong goal [m]."""
+"""Distance to the true goal from which a published goal is wrong [m]."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,9 @@ class WrongGoals:
     """Counts of false detections in images without the goal.
 
     Attributes:
-        frames: Images looked at.
-        measured: Images in which something was taken for the marker. Of half hidden ones that may
-            be right.
-        wrong: Published goals that were wrong.
+        frames: Number of images.
+        measured: Images with a detection; with a half hidden marker it may be correct.
+        wrong: Number of wrong published goals.
     """
 
     frames: int
@@ -41,12 +40,12 @@ class WrongGoals:
 
 
 def count_false_positives(study: PerceptionEvaluation, frames: int, seed: int = 0) -> WrongGoals:
-    """Looks at a scene whose marker is gone, replaced by another, or half hidden.
+    """Counts detections in a scene whose marker is removed, replaced by another, or half hidden.
 
     Args:
-        study: Of the scene.
-        frames: How many images to look at, with noise and the real lens.
-        seed: Of views, markers and noise.
+        study: Evaluation of the scene.
+        frames: Number of images, with noise and the real lens.
+        seed: Seed of views, markers and noise.
     """
     rng = np.random.default_rng([seed, 5])
     config, camera = study.config.perception, CAMERA_TOP.intrinsics
@@ -60,28 +59,28 @@ def count_false_positives(study: PerceptionEvaluation, frames: int, seed: int = 
                 X_WO @ marked.X_OM, rng.uniform(0.3, 1.2), rng.uniform(0, 0.87), camera, rng
             )
             kind = KINDS[frame // _FRAMES_A_VIEW % len(KINDS)]
-            image = _spoil(study.rig.color_from(camera.ideal(), X_WC), kind, X_WC, study, rng)
+            image = _alter(study.rig.color_from(camera.ideal(), X_WC), kind, X_WC, study, rng)
         noisy = apply_color_noise(image, camera, study.color_noise, seed=seed, frame=frame)
-        seen = detect_goal(noisy, 0.2 * frame, X_WC, camera, marked, params=config.marker)
-        if seen is None:
+        detection = detect_goal(noisy, 0.2 * frame, X_WC, camera, marked, params=config.marker)
+        if detection is None:
             continue
         measured += 1
         before = state.published
-        state = update_goal(state, seen, marked.X_OM.translation(), config.goal)
+        state = update_goal(state, detection, marked.X_OM.translation(), config.goal)
         if state.published is not None and state.published is not before:
             error = state.published.translation() - X_WO.translation()
             wrong += bool(np.linalg.norm(error) > _WRONG_BEYOND)
     return WrongGoals(frames, measured, wrong)
 
 
-def _spoil(
+def _alter(
     image: Image,
     kind: str,
     X_WC: RigidTransform,
     study: PerceptionEvaluation,
     rng: np.random.Generator,
 ) -> Image:
-    """Takes the marker out of a rendered image, or puts another one there, or hides half of it."""
+    """Removes the marker from a rendered image, replaces it by another, or hides half of it."""
     marked, camera = study.marked, CAMERA_TOP.intrinsics.ideal()
     X_CM = X_WC.InvertAndCompose(study.scene.goal.pose() @ marked.X_OM)
     if kind == "no marker":
@@ -103,7 +102,7 @@ def _spoil(
 def _draw(
     image: Image, picture: Image, X_CM: RigidTransform, size: float, camera: CameraIntrinsics
 ) -> Image:
-    """Draws a square picture of side `size` at a pose into an image without lens."""
+    """Draws a square picture with side `size` at a pose into an image without lens distortion."""
     h = size / 2
     corners = camera.project((X_CM @ np.array([[-h, h, h, -h], [h, h, -h, -h], [0.0] * 4])).T)
     rows, columns = picture.shape

@@ -1,4 +1,4 @@
-"""Perception on a user's own photo, depth image or cloud: what it shows, as a report and files."""
+"""Perception on a user's own photo, depth image or cloud, with a report and files."""
 
 import json
 from dataclasses import replace
@@ -39,18 +39,18 @@ def report_photo(
     *,
     dictionary: str = MARKER_DICTIONARY,
 ) -> tuple[dict[str, Any], str]:
-    """Finds a marker in a photo; leaves report.json and the photo with the marker's axes.
+    """Finds a marker in a photo; writes report.json and the photo with the marker's axes.
 
     Args:
         path: The photo.
-        intrinsics: The camera that took it.
+        intrinsics: Intrinsics of its camera.
         marker_id: The marker's number.
-        size: Side of its black square [m].
-        folder: Where the results go; it is there.
+        size: Side of the marker's black square [m].
+        folder: Folder for the results; it must exist.
         dictionary: Name of OpenCV's dictionary.
 
     Returns:
-        The report, and a few lines for the terminal. Without the marker `markers` is empty.
+        The report, and a few lines for the terminal. `markers` is empty if none was found.
     """
     if not size > 0:
         raise InputError(
@@ -112,7 +112,7 @@ def _with_axes(
     sightings: list[MarkerSighting],
     size: float,
 ) -> npt.NDArray[np.uint8]:
-    """The photo with the axes of the markers' frames: x red, y green, z blue."""
+    """Returns the photo with the axes of the markers' frames: x red, y green, z blue."""
     drawn = to_8_bit(image)
     if drawn.ndim == 2 or drawn.shape[2] == 1:
         drawn = np.asarray(cv2.cvtColor(drawn, cv2.COLOR_GRAY2BGR), np.uint8)
@@ -141,7 +141,7 @@ def load_depth(
         scale: Length of the image's unit [m], see `depth_in_metres`.
 
     Raises:
-        InputError: It cannot be read, or does not fit the camera.
+        InputError: The image cannot be read, or does not fit the camera.
     """
     image = read_depth(path)
     try:
@@ -153,20 +153,20 @@ def load_depth(
 def report_depth(
     path: Path, intrinsics: CameraIntrinsics, folder: Path, *, scale: float | None = None
 ) -> tuple[dict[str, Any], str]:
-    """Makes a cloud of a depth image; leaves report.json, cloud.npz and cloud.html.
+    """Makes a cloud from a depth image; writes report.json, cloud.npz and cloud.html.
 
     Args:
         path: The depth image.
-        intrinsics: The camera that took it; its near and far bound what counts.
-        folder: Where the results go; it is there.
+        intrinsics: Intrinsics of its camera; depths outside its near and far are ignored.
+        folder: Folder for the results; it must exist.
         scale: Length of the image's unit [m], see `depth_in_metres`.
 
     Returns:
-        The report, and a few lines for the terminal. `points` is 0 where nothing was measured.
+        The report, and a few lines for the terminal. `points` is 0 if nothing was measured.
     """
     depth = load_depth(path, intrinsics, scale=scale)
-    everything = replace(CloudParameters(), floor_height=-np.inf, max_range=intrinsics.far)
-    surface = observe_surfaces(depth, intrinsics, RigidTransform(), everything)
+    unbounded = replace(CloudParameters(), floor_height=-np.inf, max_range=intrinsics.far)
+    surface = observe_surfaces(depth, intrinsics, RigidTransform(), unbounded)
     measured = depth[depth > 0]
     share = measured.size / max(depth.size, 1)
     report = {
@@ -189,11 +189,11 @@ def report_depth(
 
 
 def report_cloud(path: Path, folder: Path, *, scale: float = 1.0) -> tuple[dict[str, Any], str]:
-    """Reads a cloud; leaves report.json and cloud.html.
+    """Reads a cloud; writes report.json and cloud.html.
 
     Args:
         path: The cloud, see `load_cloud`.
-        folder: Where the results go; it is there.
+        folder: Folder for the results; it must exist.
         scale: Length of the file's unit [m].
 
     Returns:

@@ -53,19 +53,19 @@ _VISIBLE_RANGE = 1.2
 """Range [m] within which true surfaces count as visible."""
 
 _SUPERSAMPLING = 2
-"""Rendered pixels along one edge of a sensor's pixel, which gathers light over its whole area."""
+"""Rendered pixels along one edge of a sensor's pixel, which integrates light over its area."""
 
 
 @dataclass(frozen=True)
 class CloudStudy:
-    """A cloud, what it was made of, and how good it is.
+    """A cloud, its accuracy and the images that it was made from.
 
     Attributes:
-        report: Against the truth.
-        milliseconds: Median time that one image, or pair, took.
+        report: Comparison with the truth.
+        milliseconds: Median computing time per image, or pair.
         surface: The cloud, in W.
-        visible: Points on the true surfaces that were visible (M, 3) [m], in W.
-        images: Pictures of what was seen, by name (height, width[, 3]).
+        visible: Visible points on the true surfaces (M, 3) [m], in W.
+        images: Images by name (height, width[, 3]).
     """
 
     report: CloudReport
@@ -77,16 +77,16 @@ class CloudStudy:
 
 @dataclass(frozen=True)
 class GoalSample:
-    """One look at the marker.
+    """Result of one image of the marker.
 
     Attributes:
-        camera: Its name.
-        distance: From the camera to the marker [m].
-        angle: Between the line of sight and the marker's normal [rad].
+        camera: Name of the camera.
+        distance: Distance from the camera to the marker [m].
+        angle: Angle between the line of sight and the marker's normal [rad].
         found: Whether the marker was found.
-        position_error: Distance of the hand's goal from the true one [m]; NaN when not found.
-        orientation_error: rad; NaN when not found.
-        milliseconds: Time that the image took.
+        position_error: Distance of the hand's goal from the true one [m]; NaN if not found.
+        orientation_error: Angle between the two [rad]; NaN if not found.
+        milliseconds: Computing time.
     """
 
     camera: str
@@ -99,19 +99,19 @@ class GoalSample:
 
 
 class PerceptionEvaluation:
-    """Looks at one scene with every sensor.
+    """Evaluation of every sensor in one scene.
 
     Args:
-        scene: The scene; Pepper stands where it says and looks at the goal.
-        seed: Of all noise and of the places that the goal is looked at from.
-        config: How the cameras are simulated, and how they are seen with.
+        scene: The scene; Pepper stands at its initial pose and looks at the goal.
+        seed: Seed of noise and of camera poses for the goal.
+        config: Parameters of simulated cameras and perception.
 
     Attributes:
         scene: The scene.
-        marked: Its goal object.
+        marked: The scene's goal object.
         rig: Pepper in the scene.
-        head: The head angles (2,) with which it looks [rad].
-        color_noise: Of the colour cameras.
+        head: Head angles (2,) [rad] that look at the goal.
+        color_noise: Noise of the colour cameras.
     """
 
     def __init__(self, scene: Scene, seed: int = 0, config: ReachingConfig | None = None) -> None:
@@ -145,7 +145,7 @@ class PerceptionEvaluation:
         self.rig.set_positions({"HeadYaw": float(head[0]), "HeadPitch": float(head[1])})
 
     def depth(self, frames: int = 5) -> CloudStudy:
-        """Studies the depth camera's cloud after some images from the same place."""
+        """Evaluates the depth camera's cloud after some images from one pose."""
         rig, name = self.rig, CAMERA_DEPTH.name
         perfect, X_WC = rig.depth(name), rig.pose(name)
         parameters = self.config.perception.obstacles
@@ -165,13 +165,13 @@ class PerceptionEvaluation:
         return self._study(surface, durations, images)
 
     def foreign_points(self, poses: int) -> tuple[int, int]:
-        """Counts the robot's and the goal's points left in single depth images.
+        """Counts points of the robot and the goal that remain in clouds of single depth images.
 
-        The base stands anywhere up to the table, both arms and the head are anywhere before the
-        body, and the camera sees from 0.1 m on, so that it has the arms in view.
+        Poses are random: the base up to the table, arms and head in front of the body. The camera
+        measures from 0.1 m on, so that it sees the arms.
 
         Args:
-            poses: How many poses to look from.
+            poses: Number of poses.
 
         Returns:
             Points of the robot and of the goal, over all poses.
@@ -212,7 +212,7 @@ class PerceptionEvaluation:
         return robot_points, goal_points
 
     def stereo(self, texture: str = "painted") -> CloudStudy:
-        """Studies the stereo pair's cloud of one pair of images.
+        """Evaluates the stereo cloud of one pair of images.
 
         Args:
             texture: "painted" on the surfaces, a projected "pattern", or "none".
@@ -253,13 +253,13 @@ class PerceptionEvaluation:
         count: int = 10,
         largest_angle: float = math.radians(50),
     ) -> list[GoalSample]:
-        """Looks at the goal's marker from all sides, with image noise and the lens of each camera.
+        """Detects the goal's marker from all sides, with image noise and the lens of each camera.
 
         Args:
-            cameras: Whose lenses to look through.
-            distances: From camera to marker [m].
-            count: Looks from each distance with each camera.
-            largest_angle: Between the line of sight and the marker's normal [rad].
+            cameras: Cameras whose lenses to simulate.
+            distances: Distances from camera to marker [m].
+            count: Images from each distance with each camera.
+            largest_angle: Largest angle between the line of sight and the marker's normal [rad].
         """
         rng = np.random.default_rng([self._seed, 4])
         return [
@@ -284,7 +284,7 @@ class PerceptionEvaluation:
             frame=int(rng.integers(1 << 30)),
         )
         start = time.perf_counter()
-        seen = detect_goal(
+        detection = detect_goal(
             image,
             0.0,
             X_WC,
@@ -294,9 +294,9 @@ class PerceptionEvaluation:
         )
         milliseconds = 1000 * (time.perf_counter() - start)
         position_error = orientation_error = math.nan
-        if seen is not None:
+        if detection is not None:
             p_OM = self.marked.X_OM.translation()
-            X_WO = RigidTransform(seen.R_WO, seen.p_WM - seen.R_WO.multiply(p_OM))
+            X_WO = RigidTransform(detection.R_WO, detection.p_WM - detection.R_WO.multiply(p_OM))
             X_OG = self.scene.pre_grasp()
             error = (self.scene.goal.pose() @ X_OG).InvertAndCompose(X_WO @ X_OG)
             position_error = float(np.linalg.norm(error.translation()))
@@ -305,14 +305,14 @@ class PerceptionEvaluation:
             camera.name,
             distance,
             angle,
-            seen is not None,
+            detection is not None,
             position_error,
             orientation_error,
             milliseconds,
         )
 
     def _photograph(self, camera: HeadCamera, texture: str, number: int) -> Image:
-        """Image of one of the stereo cameras."""
+        """Returns an image of one of the stereo cameras."""
         image, depth = self.rig.color(camera.name), self.rig.depth(camera.name)
         X_WC = self.rig.pose(camera.name)
         if texture == "painted":
@@ -324,7 +324,7 @@ class PerceptionEvaluation:
         return apply_color_noise(image, camera.intrinsics, noise, seed=self._seed, frame=number)
 
     def _ignored(self, parameters: ObstacleParameters) -> list[ExcludedSolids]:
-        """The robot and the goal object, where they are."""
+        """Returns the solids of robot and goal object at their poses."""
         poses = self._robot.poses(self.rig.pepper_positions())
         cloud, X_WO = parameters.cloud, self.scene.goal.pose()
         return [
@@ -360,7 +360,7 @@ class PerceptionEvaluation:
 
 
 def _draw_pose(rng: np.random.Generator) -> dict[str, float]:
-    """Draws joints with the arms before the body, and a place in front of the table."""
+    """Draws random joints with the arms in front of the body, and a base pose before the table."""
     pose = {
         "BaseX": rng.uniform(0, 0.4),
         "BaseYaw": rng.uniform(-0.3, 0.3),
@@ -385,16 +385,16 @@ def camera_before_marker(
     intrinsics: CameraIntrinsics,
     rng: np.random.Generator,
 ) -> RigidTransform:
-    """Returns the pose of a camera before a marker, upright but for a little roll.
+    """Returns a random pose of a camera in front of a marker, upright but for a small roll.
 
-    The marker is anywhere in its image but at the very border. The camera is not below the marker,
-    where the table would be.
+    The marker is anywhere in its image except close to the border. The camera is not below the
+    marker, where the table would be.
 
     Args:
         X_WM: Pose of the marker.
-        distance: From the camera to the marker [m].
-        angle: Between the line of sight and the marker's normal [rad].
-        intrinsics: The camera.
+        distance: Distance from the camera to the marker [m].
+        angle: Angle between the line of sight and the marker's normal [rad].
+        intrinsics: Intrinsics of the camera.
         rng: Draws the side, the place in the image and the roll.
     """
     while True:
@@ -409,7 +409,7 @@ def camera_before_marker(
     right = np.cross(forward, [0, 0, 1])
     right /= np.linalg.norm(right)
     R_WC = RotationMatrix(np.column_stack([right, np.cross(forward, right), forward]))
-    # Turned away from the marker by up to two thirds of the view.
+    # Turned away from the marker by up to two thirds of half the field of view.
     half = np.array([intrinsics.width / intrinsics.focal_x, intrinsics.height / intrinsics.focal_y])
     turn = np.arctan(rng.uniform(-0.67, 0.67, 2) * half / 2)
     R_CC2 = RotationMatrix(RollPitchYaw(turn[1], turn[0], rng.uniform(-0.15, 0.15)))

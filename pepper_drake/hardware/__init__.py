@@ -1,1 +1,1 @@
-"""A real Pepper, or one that is served, driven over NAOqi by the same diagrams as the simulated."""
+"""A real Pepper, or a served one, driven over NAOqi by the same diagrams as the simulated one."""

@@ -1,4 +1,4 @@
-"""A watch over the commanded arm: its motors stay stiff, and nobody else commands it."""
+"""Watchdog of the commanded arm: its motors stay stiff, and no other program commands it."""
 
 from collections.abc import Callable
 
@@ -13,8 +13,8 @@ from pepper_drake.models.control_model import arm_joints
 
 _PERIOD = 0.25
 TAKEN_OVER = 0.15
-"""Distance of the robot's own command from the way between ours, in two looks, that another program
-must have made [rad]."""
+"""Distance of the robot's own command from the range of our targets, in two successive checks, that
+shows another program [rad]."""
 
 
 async def watch_arm(
@@ -28,8 +28,8 @@ async def watch_arm(
 
     Args:
         transport: The robot.
-        config: Names the arm and the joints of the stream.
-        stream: Knows what was sent.
+        config: Of the link.
+        stream: Of the commands.
         streams: True while commands are streamed.
         clock: The link's.
 

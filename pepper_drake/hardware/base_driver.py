@@ -1,4 +1,4 @@
-"""Drives a robot's base in short moves, so that it stops by itself when we die."""
+"""Drives a robot's base in short moves, so that it stops by itself if this process dies."""
 
 import asyncio
 import contextlib
@@ -18,17 +18,17 @@ async def drive_base(
     wanted: Callable[[], npt.NDArray[np.float64] | None],
     clock: LinkClock,
 ) -> None:
-    """Drives as it is wanted until it is cancelled.
+    """Drives at the wanted velocity until cancelled.
 
     Args:
         transport: The robot.
-        wanted: Returns the velocity vx, vy [m/s], yaw rate [rad/s] in the base's frame from which
-            it would brake at its goal, zeros to stand at once; None while nothing is known: a move
-            that has begun ends where it ends.
-        clock: The clock by which the robot is led.
+        wanted: Returns the velocity vx, vy [m/s], yaw rate [rad/s] in the base's frame, limited so
+            that the base can brake at its goal; zeros to stop at once; None if unknown: the current
+            move is then completed.
+        clock: Of the link.
 
     Raises:
-        LinkFault: The robot answered with an error, or is gone.
+        LinkFault: The robot answered with an error, or the connection is lost.
     """
     move: asyncio.Task[object] | None = None
     try:

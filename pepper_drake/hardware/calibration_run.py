@@ -32,19 +32,19 @@ def calibrate_robot(
     run: HardwareRun,
     on_look: Callable[[int], object] = lambda _: None,
 ) -> CalibrationResult | None:
-    """Calibrates a robot, whatever its posture is at the start.
+    """Calibrates a robot from any initial posture.
 
     Args:
-        params: What is done.
+        params: Of the calibration.
         seed: Of the choice of postures.
-        run: How the robot is led.
+        run: How the robot is driven.
         on_look: Called after each posture with the number of images that showed the marker.
 
     Returns:
-        The result; None if it was stopped.
+        The result; None if stopped.
 
     Raises:
-        LinkFault: The robot cannot be reached, is not ready, or something went wrong on the way.
+        LinkFault: The robot cannot be reached, is not ready, or a fault stopped the motion.
         PepperDrakeError: The marker was seen in too few postures.
     """
     model, arm = shared_control_model(), params.arm

@@ -1,4 +1,4 @@
-"""A robot's camera: subscribed while somebody looks, and never longer."""
+"""A robot's camera, subscribed only while its images are wanted."""
 
 import asyncio
 import contextlib
@@ -16,13 +16,13 @@ from pepper_drake.naoqi.constants import BOTTOM, DEPTH, DEPTH_MM, QVGA, RGB, TOP
 from pepper_drake.naoqi.images import decode_reply, to_rgb
 
 FORMATS: dict[int, tuple[int, int]] = {TOP: (VGA, RGB), BOTTOM: (VGA, RGB), DEPTH: (QVGA, DEPTH_MM)}
-"""Resolution and colour space that are asked for, by camera."""
+"""Requested resolution and colour space by camera."""
 SIZES = {VGA: (480, 640), QVGA: (240, 320)}
 FROZEN_SECONDS = 2.0
-"""A camera whose stamp has not changed for so long is frozen [s]: over WiFi two images a second
-were seen."""
+"""Time without a new time stamp after which a camera is frozen [s]: over WiFi two images per second
+were observed."""
 WARM_UP = 5.0
-"""Time that a camera has for its first image after it is subscribed to [s]."""
+"""Timeout of the first image after a subscription [s]."""
 _ANSWER_SECONDS = 3.0
 _IDLE = 0.05
 
@@ -49,8 +49,8 @@ class CameraReader:
             name: Name for the subscription.
             rate: Images [1/s].
             take: Given camera, robot's time [s] and pixels, (height, width, 3) RGB or
-                (height, width) of depths [mm]; tells whether it could use them.
-            clock: The clock by which the robot is led.
+                (height, width) of depths [mm]; returns whether it could use them.
+            clock: Of the link.
         """
         self._transport, self._camera, self._rate = transport, camera, rate
         self._name = f"{name}_{camera}"
@@ -58,10 +58,10 @@ class CameraReader:
         self._handle = ""
 
     async def run(self, wanted: Callable[[], bool]) -> None:
-        """Reads images while they are wanted, until it is cancelled.
+        """Reads images while they are wanted, until cancelled.
 
         Raises:
-            LinkFault: The camera is missing, frozen, or gives other images than asked.
+            LinkFault: The camera is missing, frozen, or gives other images than requested.
         """
         stamp, changed = -np.inf, self._clock()
         try:
@@ -94,7 +94,7 @@ class CameraReader:
         return f"camera {self._camera}"
 
     async def _subscribe(self) -> None:
-        # A subscription of ours that a run left behind would count towards the robot's six.
+        # A subscription left by an earlier run would count towards the robot's limit of six.
         await self._call("unsubscribeAllInstances", self._name)
         resolution, color_space = FORMATS[self._camera]
         rate = max(round(self._rate), 1)
@@ -120,7 +120,7 @@ class CameraReader:
         return reply
 
     def _pixels(self, reply: Any) -> npt.NDArray[Any]:
-        """Returns the pixels, of the size that they have."""
+        """Returns the decoded pixels, after a check of their size."""
         try:
             image = decode_reply(reply)
         except ValueError as error:

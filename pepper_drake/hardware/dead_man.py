@@ -1,4 +1,4 @@
-"""The dead man's switch: a robot moves only while a person holds the space bar or a pad button."""
+"""The dead man's switch: the robot only moves while the space bar or a pad button is held."""
 
 import contextlib
 import os
@@ -10,32 +10,32 @@ from typing import Protocol
 from pepper_drake.errors import InputError
 
 KEYBOARD = "keyboard"
-"""Name of the space bar of the terminal in which the program was started."""
+"""Name of the space bar of the program's terminal."""
 _TERMINAL = "/dev/tty"
 _FIRST = 0.8
-"""Time after its first press for which a key counts as held [s]: until it repeats."""
+"""Time for which a key counts as held after the first press, until it repeats [s]."""
 _REPEATED = 0.25
-"""The same while it repeats [s]; the slowest keyboards do so eleven times a second."""
+"""The same while it repeats [s]; the slowest keyboards repeat eleven times per second."""
 _EVENT = struct.Struct("IhBB")
 """An event of Linux's joystick interface: time, value, type, number."""
 _BUTTON = 0x01
 
 
 class DeadManKey(Protocol):
-    """A key that is held, or not."""
+    """A key or button of a dead man's switch."""
 
     def is_held(self, now: float) -> bool:
         """Returns whether it is held at a time of the machine's clock [s]."""
 
     def close(self) -> None:
-        """Lets the device go."""
+        """Releases the device."""
 
 
 class SpaceBar:
-    """The space bar of a terminal. A terminal tells no release: a key is held while it repeats."""
+    """The space bar of a terminal, which reports no release: a key is held while it repeats."""
 
     def __init__(self, terminal: str = _TERMINAL) -> None:
-        """Takes the keys of the terminal one by one.
+        """Switches the terminal to unbuffered input.
 
         Raises:
             InputError: There is no terminal.
@@ -58,7 +58,7 @@ class SpaceBar:
         return now < self._until
 
     def close(self) -> None:
-        """Leaves the terminal as it was."""
+        """Restores the terminal."""
         with contextlib.suppress(termios.error):
             termios.tcsetattr(self._file, termios.TCSANOW, self._settings)
         os.close(self._file)
@@ -78,17 +78,17 @@ class PadButton:
         except OSError as error:
             raise InputError(f"--pad {device}: {error.strerror}") from None
         self._held: set[int] = set()
-        self._rest = b""
+        self._unparsed = b""
 
     def is_held(self, now: float) -> bool:
-        """Returns whether a button is held; see `DeadManKey`. That of a pad that is gone is not."""
+        """Returns whether a button is held; see `DeadManKey`. False if the pad is gone."""
         try:
-            data = self._rest + _available(self._file)
+            data = self._unparsed + _available(self._file)
         except OSError:
             self._held.clear()
             return False
         whole = len(data) - len(data) % _EVENT.size
-        self._rest = data[whole:]
+        self._unparsed = data[whole:]
         for _, value, kind, number in _EVENT.iter_unpack(data[:whole]):
             if kind & _BUTTON:
                 (self._held.add if value else self._held.discard)(number)
@@ -100,7 +100,7 @@ class PadButton:
 
 
 def _available(file: int) -> bytes:
-    """Returns what can be read at once."""
+    """Returns the bytes that can be read without blocking."""
     try:
         return os.read(file, 4096)
     except BlockingIOError:

@@ -1,4 +1,4 @@
-"""The robot's hands as the station wants them: sent once for each change, stiff while they grip."""
+"""Commands of the robot's hands: sent once for each change, with stiffness while they grip."""
 
 import asyncio
 import contextlib
@@ -17,14 +17,14 @@ from pepper_drake.naoqi.constants import CYCLE, HANDS
 FRACTION = 0.5
 """Share of a hand's largest speed with which it opens and closes."""
 _LAST_CALL = 0.5
-"""Time for making the hands softer at the end [s]."""
+"""Timeout of reducing the hands' stiffness at the end [s]."""
 
 
 async def drive_hands(transport: Transport, newest: Callable[[], Any], clock: LinkClock) -> None:
-    """Opens and closes the hands as commands say, until it is cancelled.
+    """Opens and closes the hands as commanded, until cancelled.
 
-    `openHand` and `closeHand` let a hand go limp at their end; one that is to hold a thing stays
-    stiff until the run is over, and is then left soft, so that its motor cools.
+    `openHand` and `closeHand` let a hand go limp at their end; a hand that is to hold a thing stays
+    stiff until the end of the run, when its stiffness is reduced, so that its motor cools.
 
     Args:
         transport: The robot.
@@ -32,7 +32,7 @@ async def drive_hands(transport: Transport, newest: Callable[[], Any], clock: Li
         clock: The link's.
 
     Raises:
-        LinkFault: The robot answered with an error, or is gone.
+        LinkFault: The robot answered with an error, or the connection is lost.
     """
     sent: dict[str, float] = {}
     try:

@@ -1,4 +1,4 @@
-"""The end of a run: the arm is held, lowered if it is up, and only then made softer."""
+"""The end of a run: the arm is held, lowered if it is up, and only then relaxed."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -18,16 +18,16 @@ Pause = Callable[[float], Awaitable[None]]
 HELD = 1.0
 """Time that the arm is held before anything else happens [s]."""
 RELAXING = 2.0
-"""Time in which it becomes softer [s]."""
+"""Time in which its stiffness is reduced [s]."""
 SOFT = 0.3
-"""Stiffness that it is left with."""
+"""Final stiffness."""
 DOWN = 1.3
-"""Shoulder pitch from which on the upper arm hangs [rad]."""
+"""Shoulder pitch at and above which the upper arm hangs [rad]."""
 _LOWERING_SPEED = 0.3
-"""Rate at which it is lowered [rad/s]."""
+"""Speed of lowering [rad/s]."""
 _FRACTION = 0.1
 _RESTS = 0.12
-"""A shoulder so far behind its command rests on something [rad]."""
+"""Tracking error of a shoulder whose arm rests on something [rad]."""
 _POLL = 0.05
 
 
@@ -39,11 +39,11 @@ async def hand_over(
     Args:
         transport: The robot.
         arm: "left" or "right".
-        measured: Returns the arm's joint positions now (5,) [rad].
+        measured: Returns the arm's current joint positions (5,) [rad].
         pause: Waits for a time [s].
 
     Raises:
-        LinkFault: The robot answered with an error, or is gone.
+        LinkFault: The robot answered with an error, or the connection is lost.
     """
     names = list(arm_joints(arm))
     await transport.call("ALMotion", "setAngles", names, measured().tolist(), 0.1)
@@ -59,7 +59,7 @@ async def hand_over(
 async def _lower(
     transport: Transport, shoulder: str, measured: Callable[[], Vector], pause: Pause
 ) -> bool:
-    """Lets the upper arm hang; returns whether it does."""
+    """Lowers the upper arm; returns whether it hangs."""
     target = float(measured()[0])
     while float(measured()[0]) < DOWN - _RESTS:
         if target - float(measured()[0]) > _RESTS:

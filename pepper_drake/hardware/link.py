@@ -1,7 +1,7 @@
-"""The link to a robot: it keeps ALMotion's beat, measures, streams commands and guards both sides.
+"""The link to a robot: it runs ALMotion's cycle, measures, streams commands and detects faults.
 
-It runs in a process of its own (`link_process`), since a thread beside a simulation is late by
-tens of milliseconds. All its calls are made from one asyncio loop.
+It runs in its own process (`link_process`), since a thread beside a simulation is late by tens of
+milliseconds. All its calls are made from one asyncio loop.
 """
 
 import asyncio
@@ -42,16 +42,16 @@ Vector = npt.NDArray[np.float64]
 _PROTECTION = "setExternalCollisionProtectionEnabled"
 _SLOWED_SECONDS = 0.5
 PROBE_SECONDS = 2.0
-"""Time for which a lost robot is asked whether it was started anew [s]."""
+"""Time for which a lost robot is probed for a restart [s]."""
 _PROBE_PERIOD = 0.2
 SILENT = 30.0
-"""Time without a command after which the run is over [s]: no plan takes this long."""
+"""Timeout of the station's commands [s]: no plan takes this long."""
 
 
 class RobotLink:
-    """One robot, led by what the mailbox says until it says END or something is wrong.
+    """One robot, driven by the mailbox's commands until END or a fault.
 
-    A fault ends the streaming for good: the arm holds, and the fault stands in the state.
+    A fault ends the streaming for good: the arm holds, and the state reports the fault.
     """
 
     def __init__(
@@ -62,15 +62,14 @@ class RobotLink:
         clock: LinkClock | None = None,
         reconnect: Callable[[], Transport] | None = None,
     ) -> None:
-        """Makes a link that does nothing yet.
+        """Makes a link; `run` starts it.
 
         Args:
             transport: A connected one.
             mailbox: Shared with the station.
-            config: How the robot is led.
-            clock: The clock by which the robot is led; the machine's if left out.
-            reconnect: Makes another transport, by which a lost robot is asked whether it is the
-                same as before.
+            config: Of the link.
+            clock: Of the robot; the machine's if left out.
+            reconnect: Makes another transport, to find out whether a lost robot was restarted.
         """
         self._transport, self._mailbox, self._config = transport, mailbox, config
         self._reconnect = reconnect
@@ -98,7 +97,7 @@ class RobotLink:
         return self._fault
 
     async def run(self) -> None:
-        """Runs until the mailbox says END; then nothing of ours is left in the robot."""
+        """Runs until the mailbox says END; then removes everything of ours from the robot."""
         tasks: list[asyncio.Task[None]] = []
         try:
             self._identity = await identity(self._transport)
@@ -122,14 +121,14 @@ class RobotLink:
                 self._start(drive_base(self._transport, self._wanted_drive, self._time)),
                 self._start(drive_hands(self._transport, self._command, self._time)),
             ]
-            await self._beat()
+            await self._run_cycles()
         except LinkFault as fault:
             self._fail(fault)
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            await self._let_go()
+            await self._release()
             if self._key is not None:
                 self._key.close()
 
@@ -140,20 +139,20 @@ class RobotLink:
             except LinkFault as fault:
                 self._fail(fault)
             except Exception as error:
-                # Whatever a robot answers must end in a held arm, not in a silent task.
+                # Any answer of a robot must end in a held arm, not in a silently dead task.
                 self._fail(LinkFault("call_failed", f"{type(error).__name__}: {error}"))
 
         return asyncio.ensure_future(guarded())
 
     def _command(self) -> npt.NDArray[np.void]:
-        """Returns the newest command, or while it is being written the one before."""
+        """Returns the newest command, or the previous one while it is being written."""
         newest = self._mailbox.command.read_at_once()
         if newest is not None:
             self._commanded = newest
         return self._commanded
 
-    async def _beat(self) -> None:
-        """Does one cycle each 20 ms; one that is late is left out, and never made up for."""
+    async def _run_cycles(self) -> None:
+        """Runs one cycle every 20 ms; late cycles are skipped, never caught up."""
         due = self._clock()
         while True:
             command = self._command()
@@ -166,7 +165,7 @@ class RobotLink:
             if mode != STREAM:
                 self._arm.rest()
             if mode == HAND_OVER and (self._fault is None or self._fault.word in HANDED_OVER):
-                await self._let_down()
+                await self._hand_arm_over()
             elif mode == STREAM:
                 self._follow(command)
             elif mode == HOLD or self._fault is not None:
@@ -188,15 +187,15 @@ class RobotLink:
         if self._transport.is_lost:
             self._fail(LinkFault("link_lost"))
             if self._probe is None and self._reconnect is not None:
-                self._probe = self._start(self._tell_reboot(self._reconnect()))
+                self._probe = self._start(self._probe_restart(self._reconnect()))
             return
         try:
             self._reader.check()
         except LinkFault as fault:
             self._fail(fault)
 
-    async def _tell_reboot(self, transport: Transport) -> None:
-        """Finds out whether a robot that was lost was started anew, if it answers soon."""
+    async def _probe_restart(self, transport: Transport) -> None:
+        """Finds out whether a lost robot was restarted, if it answers soon."""
         end = time.monotonic() + PROBE_SECONDS
         while time.monotonic() < end and self._fault is not None:
             with contextlib.suppress(LinkFault, TimeoutError):
@@ -210,7 +209,7 @@ class RobotLink:
         self._publish()
 
     def _check_people(self, mode: int, commanded: float) -> None:
-        """Sees that somebody holds the key, and that the station has not fallen silent."""
+        """Checks the dead man's switch and the timeout of the station's commands."""
         if self._key is not None:
             held, self._is_held = self._is_held, self._key.is_held(time.monotonic())
             if mode == STREAM and held and not self._is_held:
@@ -237,7 +236,7 @@ class RobotLink:
             self._fail(fault)
 
     def _wanted_drive(self) -> Vector | None:
-        """Returns the base's velocity that is wanted now, zeros to stand, None if it is unknown."""
+        """Returns the base's wanted velocity: zeros to stop, None if it is unknown."""
         command = self._command()
         if int(command["mode"]) != STREAM or self._fault is not None:
             return np.zeros(3)
@@ -252,7 +251,7 @@ class RobotLink:
         return bool(command["enabled"][camera]) and int(command["mode"]) not in (END, HAND_OVER)
 
     async def _take_image(self, camera: int, stamp: float, pixels: npt.NDArray[Any]) -> bool:
-        """Publishes an image with the joints of its capture; returns whether they are known."""
+        """Publishes an image with the joints at its capture; returns whether they are known."""
         taken = await self._reader.at(stamp)
         if taken is None:
             return False
@@ -261,8 +260,8 @@ class RobotLink:
 
     # The end.
 
-    async def _let_down(self) -> None:
-        """Hands the arm over; where that is called off, the arm is held and left stiff."""
+    async def _hand_arm_over(self) -> None:
+        """Hands the arm over; if cancelled, the arm is held and left stiff."""
         self._publish("handing over")
         hand_over_task = asyncio.ensure_future(
             hand_over(self._transport, self._config.arm, self._measured_arm, self._time.pause)
@@ -285,7 +284,7 @@ class RobotLink:
             hand_over_task.result()
             phase = "handed over"
         except LinkFault as fault:
-            # The first fault keeps its word; this one says how the arm was left.
+            # The first fault stays reported; this one tells the arm's final state.
             self._fail(fault)
             phase = "left stiff"
         while self._is_handing_over():
@@ -300,8 +299,8 @@ class RobotLink:
         assert newest is not None
         return newest.positions[body_indices(arm_joints(self._config.arm))]
 
-    async def _let_go(self) -> None:
-        """Holds if it can and stops the base; a lost robot's base stops by itself."""
+    async def _release(self) -> None:
+        """Stops the base and restores protection, if possible; a lost robot's base stops itself."""
         self._publish("ended")
         if self._transport.is_lost:
             return
@@ -311,12 +310,12 @@ class RobotLink:
                 await self._protect(True)
 
     async def _protect(self, is_on: bool) -> None:
-        """Switches the arms' protection, unless it is on as the robot has it by itself."""
+        """Switches the arms' protection, unless the configuration leaves it on."""
         if not self._config.protects_arms:
             await self._transport.call("ALMotion", _PROTECTION, "Arms", is_on)
 
     def _fail(self, fault: LinkFault) -> None:
-        """Keeps the first fault, and holds."""
+        """Records the first fault, and holds."""
         if self._fault is None:
             self._fault = fault
             self._publish()

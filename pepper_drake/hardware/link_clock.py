@@ -1,4 +1,4 @@
-"""The clock by which a robot is led."""
+"""The clock of a robot's link."""
 
 import asyncio
 import time
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class LinkClock:
-    """The machine's monotonic clock, or a slower one beside a served robot whose clock is slow.
+    """The machine's monotonic clock, or a slower one for a served robot with a slow clock.
 
     Attributes:
-        rate: Its rate beside the machine's; that of `serve_naoqi.py --rate`, and 1 for a robot.
+        rate: Relative to the machine's clock: 1, or the served robot's `serve_naoqi.py --rate`.
     """
 
     rate: float = 1.0

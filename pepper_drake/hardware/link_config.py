@@ -7,7 +7,7 @@ from pepper_drake.models.control_model import arm_joints
 from pepper_drake.models.pepper import JOINT_GROUPS
 
 LATE_CYCLES = 5
-"""Cycles in a row without one of ours after which this computer is too slow."""
+"""Consecutive late cycles after which this computer is too slow."""
 
 
 @dataclass(frozen=True)
@@ -15,14 +15,14 @@ class LinkConfig:
     """Configuration of the link to a robot.
 
     Attributes:
-        arm: "left" or "right": this one moves, the other is held by the robot.
-        cameras: Those of `CAMERA_NAMES` that may be asked for images.
-        camera_rate: Images of each camera [1/s].
-        name: Under which the robot lists our subscriptions.
-        clock_rate: Rate of the robot's clock; 1 but for a served robot that was told otherwise.
-        dead_man: The key that a person holds while the robot moves, as `dead_man_key` takes it.
-        protects_arms: Whether the robot slows its arms near what it sees, as it does by itself.
-        late_cycles: Cycles in a row that may be left out.
+        arm: "left" or "right": the one that moves; the other is held by the robot.
+        cameras: Those of `CAMERA_NAMES` that may be read.
+        camera_rate: Of each camera's images [1/s].
+        name: Of our subscriptions in the robot.
+        clock_rate: Rate of the robot's clock; 1 except for a served robot with another rate.
+        dead_man: The key to hold while the robot moves, as for `dead_man_key`.
+        protects_arms: Whether the robot's own protection slows its arms near obstacles.
+        late_cycles: Tolerated consecutive late cycles.
     """
 
     arm: str

@@ -1,4 +1,4 @@
-"""Faults of the link to a robot: one word for programs, one sentence for people."""
+"""Faults of the link to a robot: a word for programs, a sentence for people."""
 
 from pepper_drake.errors import PepperDrakeError
 
@@ -39,8 +39,8 @@ HANDED_OVER = frozenset(
         "camera_size",
     }
 )
-"""Faults after which the robot can still be led: its arm is lowered and relaxed. After the others
-it is held as it is, since where it is, or who moves it, is not known."""
+"""Faults after which the robot can still be driven: its arm is lowered and relaxed. After the
+others it is held, since its position, or who moves it, is not known."""
 
 
 class LinkFault(PepperDrakeError):
@@ -51,11 +51,11 @@ class LinkFault(PepperDrakeError):
     """
 
     def __init__(self, word: str, detail: str = "") -> None:
-        """Makes the sentence.
+        """Makes the message.
 
         Args:
             word: One of `LINK_FAULTS`.
-            detail: What exactly, if more is known.
+            detail: Particulars, if known.
         """
         self.word = word
         super().__init__(f"{LINK_FAULTS[word]}{f': {detail}' if detail else ''}")

@@ -33,11 +33,11 @@ _NICENESS = -10
 def run_link(
     access: RobotAccess, config: LinkConfig, options: PreflightOptions, names: MailboxNames
 ) -> None:
-    """Checks the robot and runs the link; the process's target."""
-    # Ctrl-C goes to all processes of the terminal; the station tells us when to end.
+    """Checks the robot and runs the link; the target of the process."""
+    # Ctrl-C reaches all processes of the terminal; the station tells this one when to end.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     mailbox = Mailbox(names)
-    _hurry()
+    _raise_priority()
     try:
         asyncio.run(_linked(access, config, options, mailbox))
     except (LinkFault, InputError) as error:
@@ -47,8 +47,8 @@ def run_link(
         mailbox.close()
 
 
-def _hurry() -> None:
-    """Lets this process come first, as far as the system allows it."""
+def _raise_priority() -> None:
+    """Raises the priority of this process, as far as the system allows."""
     gc.freeze()
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
@@ -87,7 +87,7 @@ class LinkProcess(ChildProcess):
 
     Attributes:
         mailbox: Shared with the process.
-        clock: The clock by which the robot is led.
+        clock: Of the link.
     """
 
     def __init__(
@@ -96,9 +96,9 @@ class LinkProcess(ChildProcess):
         """Starts the process.
 
         Args:
-            access: Way to the robot.
-            config: How it is led.
-            options: What is checked before.
+            access: Address and credentials of the robot.
+            config: Of the link.
+            options: Of the preflight checks.
         """
         self.mailbox = Mailbox()
         self.clock = LinkClock(config.clock_rate)
@@ -123,10 +123,10 @@ class LinkProcess(ChildProcess):
         return self.mailbox.state.read()
 
     def check(self) -> None:
-        """Raises the fault that there is.
+        """Raises the current fault, if any.
 
         Raises:
-            LinkFault: Something is wrong; the arm holds.
+            LinkFault: There is a fault; the arm holds.
         """
         state = self.state()
         if str(state["fault"]):
@@ -143,7 +143,7 @@ class LinkProcess(ChildProcess):
         self.command(mode=HOLD)
 
     def hand_over(self) -> bool:
-        """Holds the arm, lowers and relaxes it, and waits until that is done.
+        """Holds, lowers and relaxes the arm, and waits until that is done.
 
         Returns:
             Whether the arm is soft now; otherwise it was left stiff.
@@ -158,7 +158,7 @@ class LinkProcess(ChildProcess):
         return False
 
     def last_fault(self) -> LinkFault | None:
-        """Returns the fault that there is. A lost robot is given time to show if it is another."""
+        """Returns the current fault, if any, after a probe for a restart if the robot is lost."""
         end = time.monotonic() + PROBE_SECONDS + 0.5
         while str(self.state()["fault"]) == "link_lost" and time.monotonic() < end:
             time.sleep(0.05)
@@ -166,7 +166,7 @@ class LinkProcess(ChildProcess):
         return given_fault(state) if str(state["fault"]) else None
 
     def close(self) -> None:
-        """Holds, ends the process and lets the memory go."""
+        """Holds, ends the process and releases the memory."""
         self.command(mode=HOLD)
         self.clock.sleep(0.1)
         self.command(mode=END)

@@ -1,4 +1,4 @@
-"""Memory that the station's process shares with the link's: states, commands and images.
+"""Shared memory of the station's process and the link's: states, commands and images.
 
 Times are the machine's monotonic clock [s], which is the same in all its processes.
 """
@@ -17,7 +17,7 @@ CAMERA_NAMES = ("camera_top", "camera_bottom", "camera_depth")
 """Cameras in the order of NAOqi's ids."""
 
 IDLE, STREAM, HOLD, HAND_OVER, END = range(5)
-"""Modes that the station asks for: nothing, follow commands, hold still, lower the arm, end."""
+"""Modes that the station commands: nothing, follow commands, hold, lower the arm, end."""
 
 LARGEST_IMAGE = 640 * 480 * 3
 
@@ -51,7 +51,7 @@ COMMAND = np.dtype(
         ("enabled", "?", len(CAMERA_NAMES)),
     ]
 )
-"""Newest command; `time` is when it was made. A hand of NaN is left as it is."""
+"""Newest command, of time `time`. A hand with NaN is not moved."""
 
 IMAGE = np.dtype(
     [
@@ -63,7 +63,7 @@ IMAGE = np.dtype(
         ("pixels", "u1", LARGEST_IMAGE),
     ]
 )
-"""Newest image of a camera, with the joints as they were when it was taken."""
+"""Newest image of a camera, with the joints at its capture."""
 
 
 @dataclass(frozen=True)
@@ -85,10 +85,10 @@ class Mailbox:
     """
 
     def __init__(self, names: MailboxNames | None = None) -> None:
-        """Makes the memory, or opens that of another process.
+        """Creates the memory, or opens that of another process.
 
         Args:
-            names: Those of the mailbox to be opened; None to make one.
+            names: Of the mailbox to open; None to create one.
         """
         self.state = SharedRecord(STATE, names.state if names else None)
         self.command = SharedRecord(COMMAND, names.command if names else None)
@@ -127,6 +127,6 @@ class Mailbox:
         )
 
     def close(self) -> None:
-        """Lets the memory go; who made it removes it."""
+        """Releases the memory; its creator removes it."""
         for record in (self.state, self.command, *self.images):
             record.close()

@@ -12,7 +12,7 @@ from pepper_drake.naoqi.clock import MeasurementHistory
 Vector = npt.NDArray[np.float64]
 
 CLOCK_JUMP = 0.5
-"""Time by which the robot's clock may gain on ours between two answers [s]."""
+"""Largest gain of the robot's clock on ours between two answers [s]."""
 _N = len(BODY_JOINTS)
 
 
@@ -21,7 +21,7 @@ class Measurement:
     """One state of the robot.
 
     Attributes:
-        robot_time: When it was measured, by the robot's clock [s].
+        robot_time: Time of the measurement by the robot's clock [s].
         time: The same by ours [s].
         positions: Joint positions in the order of `BODY_JOINTS` (15,) [rad].
         base_pose: x, y [m], yaw [rad] by its odometry (3,).
@@ -34,10 +34,10 @@ class Measurement:
 
 
 class Measurements:
-    """The last two seconds.
+    """The measurements of the last two seconds.
 
-    Every answer tells the robot's time, so that images are matched with joints by the robot's
-    clock alone, and a clock that drifts, or runs slowly as a simulated robot's may, does no harm.
+    Every answer has the robot's time stamp, so that images are matched with joints by the robot's
+    clock alone, regardless of drift or of a simulated robot's slow clock.
     """
 
     def __init__(self) -> None:
@@ -47,21 +47,21 @@ class Measurements:
 
     @property
     def newest(self) -> Measurement | None:
-        """The newest measurement, if there is one."""
+        """The newest measurement, or None."""
         return self._newest
 
     @property
     def still_for(self) -> float:
-        """Time by the robot's clock for which no joint changed by a bit [s]."""
+        """Time by the robot's clock since any joint's measurement changed [s]."""
         return 0.0 if self._newest is None else self._newest.robot_time - self._changed
 
     def excuse(self, duration: float) -> None:
-        """Lets nothing count as standing still until a duration from now, by the robot's clock."""
+        """Restarts `still_for` at a duration [s] from now, by the robot's clock."""
         if self._newest is not None:
             self._changed = self._newest.robot_time + duration
 
     def add(self, measurement: Measurement) -> None:
-        """Adds a measurement; one by the same robot's time as the last is passed over.
+        """Adds a measurement; one with the last one's time stamp is ignored.
 
         Raises:
             LinkFault: The robot's clock jumped.
@@ -80,7 +80,7 @@ class Measurements:
         self._history.add(measurement.robot_time, np.concatenate(row))
 
     def at(self, robot_time: float) -> Measurement | None:
-        """Interpolates at a time of the robot's clock; None where that is not covered."""
+        """Interpolates at a time of the robot's clock; None outside the history."""
         row = self._history.at(robot_time)
         if row is None:
             return None

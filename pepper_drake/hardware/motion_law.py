@@ -1,8 +1,8 @@
-"""A robot's joint after `setAngles`: its delay, and its speed for a fraction of the largest.
+"""A joint's response to `setAngles`: its latency, and its speed for a fraction of the largest.
 
-What is streamed to a robot assumes that a joint goes at just the fraction of its largest speed
-(`pepper_drake.naoqi.streaming`), and starts at once; the head is turned a little to see it. Times
-are the robot's own.
+The streaming assumes that a joint moves at exactly the fraction of its largest speed
+(`pepper_drake.naoqi.streaming`), and starts at once; a small head motion measures it. Times are the
+robot's own.
 """
 
 import asyncio
@@ -24,30 +24,30 @@ Vector = npt.NDArray[np.float64]
 Pause = Callable[[float], Awaitable[None]]
 
 JOINT = "HeadYaw"
-"""Joint that is moved: it carries nothing, and meets nothing."""
+"""Joint that is moved: it carries no load, and its motion is free."""
 WAY = 0.3
-"""Angle by which it turns [rad]."""
+"""Angle of the motion [rad]."""
 FRACTIONS = (0.05, 0.1, 0.2)
 LONGEST = 8.0
-"""Time that a turn may take [s]."""
+"""Timeout of a motion [s]."""
 LARGEST_DELAY = 0.25
-"""Delay above which a streamed arm lags behind its path by more than its lookahead [s]."""
+"""Latency above which a streamed arm lags behind its path by more than its lookahead [s]."""
 _KEY = f"Device/SubDeviceList/{JOINT}/Position/Sensor/Value"
 _AFTER = 0.3
 _STEADY = (0.25, 0.75)
-"""Part of the way on which the speed is steady."""
+"""Part of the motion in which the speed is steady."""
 
 
 @dataclass(frozen=True)
 class MotionLaw:
-    """The law that was fitted.
+    """The fitted law.
 
     Attributes:
         delay: From the command until the line of steady speed leaves the start [s]: the dead time
-            and half of the time in which the joint gathers speed.
+            plus half the acceleration time.
         speed: Speed at a fraction of 1 [rad/s].
-        rated: Largest speed by the description [rad/s].
-        spread: Largest relative distance of a measured speed from the law.
+        rated: Largest speed by the robot's description [rad/s].
+        spread: Largest relative deviation of a measured speed from the law.
     """
 
     delay: float
@@ -57,20 +57,20 @@ class MotionLaw:
 
 
 def fit_turn(times: Vector, positions: Vector) -> tuple[float, float]:
-    """Fits a line to the steady part of a turn.
+    """Fits a line to the steady part of a motion.
 
     Args:
         times: (N,) since the command [s].
-        positions: (N,) from the start to the end of the turn [rad].
+        positions: (N,) from the start to the end of the motion [rad].
 
     Returns:
-        When the line leaves the first position [s], and its slope's size [rad/s].
+        Time at which the line leaves the first position [s], and its absolute slope [rad/s].
 
     Raises:
         PepperDrakeError: Fewer than three samples lie on the steady part.
     """
-    way = positions[-1] - positions[0]
-    share = (positions - positions[0]) / way if abs(way) > 0.5 * WAY else np.zeros(len(positions))
+    turn = positions[-1] - positions[0]
+    share = (positions - positions[0]) / turn if abs(turn) > 0.5 * WAY else np.zeros(len(positions))
     steady = (share > _STEADY[0]) & (share < _STEADY[1])
     if np.count_nonzero(steady) < 3:
         raise PepperDrakeError(f"{JOINT} did not turn as commanded, or too few states came")
@@ -85,11 +85,11 @@ async def measure_motion_law(
 
     Args:
         transport: A robot that is ready, its head stiff.
-        clock: Returns the time now [s], for giving up.
+        clock: Returns the current time [s], for timeouts.
         pause: Waits for a time [s].
 
     Raises:
-        LinkFault: The robot answered with an error, or is gone.
+        LinkFault: The robot answered with an error, or the connection is lost.
         PepperDrakeError: The head did not turn.
     """
     limits = shared_control_model().command_limits((JOINT,))
@@ -134,7 +134,7 @@ async def _turn(
 
 
 def law_checks(law: MotionLaw) -> list[Check]:
-    """Returns what the law says of a run."""
+    """Returns the checks of latency and speed."""
     share = law.speed / law.rated
     slow = abs(share - 1.0) > 0.2 or law.spread > 0.2
     late = law.delay > LARGEST_DELAY

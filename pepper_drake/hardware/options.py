@@ -1,4 +1,4 @@
-"""Options of apps that lead a robot."""
+"""Command-line options of apps that drive a robot."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
@@ -11,13 +11,13 @@ from pepper_drake.models.robot_wear import ROBOTS
 
 
 def add_link_options(parser: ArgumentParser, *, required: bool = False, moves: bool = True) -> None:
-    """Adds the way to a robot, and how it is led.
+    """Adds the options of the link to a robot.
 
     Args:
-        parser: An app's.
-        required: Whether there is no simulation that the app could take instead; else the app has
-            `--robot` of `pepper_drake.cli_robot`.
-        moves: Whether it moves the robot by itself.
+        parser: Of an app.
+        required: Whether the app only works with a robot; otherwise it has `--robot` of
+            `pepper_drake.cli_robot` for a simulation.
+        moves: Whether the app moves the robot.
     """
     if required:
         parser.add_argument(
@@ -108,10 +108,10 @@ def clock_rate(text: str) -> float:
 
 
 def robot_access(options: Namespace) -> RobotAccess:
-    """Returns the way to the robot that the options name.
+    """Returns address and credentials of the robot from the options.
 
     Raises:
-        InputError: There is no address, it is none, or the password's file cannot be read.
+        InputError: The address is missing or malformed, or the password's file cannot be read.
     """
     if options.robot in ROBOTS:
         raise InputError("--station naoqi needs --robot ADDRESS, as tcp://192.168.1.10:9559")
@@ -126,14 +126,14 @@ def robot_access(options: Namespace) -> RobotAccess:
 
 
 def check_station(options: Namespace, simulated_only: dict[str, object]) -> bool:
-    """Returns whether a robot is to be moved.
+    """Returns whether the app drives a robot.
 
     Args:
-        options: The app's.
-        simulated_only: What the options must be that only a simulation can do, by their names.
+        options: Of the app.
+        simulated_only: Options of simulations only, by name, with their defaults.
 
     Raises:
-        InputError: A robot is named without --station naoqi, or is asked for what it cannot do.
+        InputError: A robot is named without --station naoqi, or an option is for simulations only.
     """
     if options.station == "simulated":
         if options.robot not in ROBOTS:

@@ -1,9 +1,9 @@
-"""Advances a diagram with the wall's clock: one command each 20 ms, and never a burst.
+"""Advances a diagram in real time: one command every 20 ms, and never a burst.
 
 Drake's own real-time rate only slows a simulation down: after a pause it catches up as fast as it
-can, and would send all commands of the pause at once. Here the diagram's time stands still for as
-long as this computer was late, as when it plans: the arm was held by the link meanwhile, and
-goes on from where it is.
+can, and would send all commands of the pause at once. Here the diagram's time stops while this
+computer is late, as during planning: the link holds the arm meanwhile, which then continues from
+there.
 """
 
 import time
@@ -15,28 +15,28 @@ from pydrake.systems.analysis import Simulator
 from pepper_drake.models.control_model import CONTROL_PERIOD
 
 _PAUSES_KEPT = 100
-"""Pauses by which times of the past are still told; what is measured is younger than they are."""
+"""Number of recorded pauses, for times in the past; measurements are younger than these."""
 
 
 class DiagramClock:
-    """The diagram's time beside the wall's: it stands still in pauses."""
+    """The diagram's time as a function of wall time: it stops in pauses."""
 
     def __init__(
         self,
         wall: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Makes a clock that begins now.
+        """Makes a clock that starts now.
 
         Args:
-            wall: Tells the wall's time [s].
+            wall: Returns the wall time [s].
             sleep: Waits for a time [s].
         """
         self.wall, self.sleep = wall, sleep
         self.begin()
 
     def begin(self) -> None:
-        """Lets the diagram's time be 0 now."""
+        """Sets the diagram's time to 0."""
         self._start = self.wall()
         self._pauses: list[tuple[float, float]] = []
 
@@ -45,14 +45,14 @@ class DiagramClock:
         return self.at(self.wall())
 
     def at(self, wall: float) -> float:
-        """Returns the diagram's time at a time of the wall's clock [s]."""
+        """Returns the diagram's time [s] at a wall time [s]."""
         passed = wall - self._start
         for begin, duration in self._pauses:
             passed -= min(max(wall - begin, 0.0), duration)
         return passed
 
     def pause(self, duration: float) -> None:
-        """Lets the last part of the time [s] be a pause, in which the diagram's stood still."""
+        """Records a pause of the diagram's time, of a duration [s] until now."""
         self._pauses.append((self.wall() - duration, duration))
         if len(self._pauses) > _PAUSES_KEPT:
             self._start += self._pauses.pop(0)[1]
@@ -63,9 +63,9 @@ class Pacing:
     """Timing of a paced run.
 
     Attributes:
-        steps: Steps that were made.
-        skipped: Periods in which the diagram's time stood still, as the step before took too long.
-        worst: Longest time by which a step was late [s].
+        steps: Number of steps.
+        skipped: Periods in which the diagram's time stopped, because the step before took too long.
+        worst: Largest lateness of a step [s].
     """
 
     steps: int
@@ -80,16 +80,16 @@ def run_paced(
     *,
     period: float = CONTROL_PERIOD,
 ) -> Pacing:
-    """Advances a simulator step by step, in time, until told that it is over.
+    """Advances a simulator step by step in real time, until it is over.
 
     Args:
         simulator: Of a diagram whose periodic events read and command at `period`.
-        clock: The diagram's; it begins anew.
+        clock: Of the diagram; it is restarted.
         is_over: Asked before each step.
         period: Time between steps [s].
 
     Returns:
-        How the time was kept.
+        Timing statistics.
     """
     steps, skipped, worst = 0, 0, 0.0
     simulator.Initialize()

@@ -1,4 +1,4 @@
-"""Perception with a robot: it stands, searches the goal with its head, and looks at the scene."""
+"""Perception with a robot: its head searches for the goal, then looks at the scene."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ Vector = npt.NDArray[np.float64]
 SEARCH = 14.0
 """Longest search for the goal [s]: two sweeps of the head."""
 LOOK = 3.0
-"""Time for which the scene is looked at once the goal is seen [s]."""
+"""Time of looking at the scene once the goal is seen [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +31,12 @@ class RobotView:
     """Goal and obstacles as a robot saw them.
 
     Attributes:
-        goal_positions: Of the goal object in the robot's world (N, 3), one for each look [m].
-        cloud: Obstacles in the same (P, 3) [m].
+        goal_positions: Of the goal object in the robot's world (N, 3), one per observation [m].
+        cloud: Obstacles in the same frame (P, 3) [m].
         images: The newest of each camera: (H, W, 3) RGB, or (H, W) depths [mm].
         ages: Age of each image at the end [s].
-        fault: What went wrong with robot or link, if anything did.
-        is_stopped: Whether whoever runs it ended it.
+        fault: Of the robot or the link, or None.
+        is_stopped: Whether the user stopped it.
     """
 
     goal_positions: Vector
@@ -53,9 +53,9 @@ def look_with_robot(
     """Lets a robot look; only its head moves.
 
     Args:
-        scene: Tells what the goal object is, and which side is looked at.
-        run: How the robot is led.
-        config: How it sees.
+        scene: Defines the goal object and the side to look at.
+        run: How the robot is driven.
+        config: Of the perception.
 
     Raises:
         LinkFault: The robot cannot be reached, or is not ready; nothing was moved.

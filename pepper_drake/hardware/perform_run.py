@@ -32,9 +32,9 @@ from pepper_drake.models.control_model import (
 Vector = npt.NDArray[np.float64]
 
 _SHORTEST = 0.1
-"""Time below which a movement has not begun [s]."""
+"""Shortest time of a movement that has begun [s]."""
 _AT_START = 0.05
-"""Farthest from where the movement starts that a joint may be when it does [rad]."""
+"""Largest deviation of a joint from the movement's start [rad]."""
 
 
 def perform_with_robot(
@@ -44,22 +44,22 @@ def perform_with_robot(
     goal: Vector | None = None,
     params: ReproductionParams | None = None,
 ) -> tuple[ReproductionResult | None, LinkFault | None, bool]:
-    """Takes the arm slowly to where a movement starts, and performs the movement.
+    """Moves the arm slowly to the start of a movement, and performs the movement.
 
     Args:
         primitive: With orientation and posture.
         arm: "left" or "right".
-        run: How the robot is led.
+        run: How the robot is driven.
         goal: (3,) of the hand in T [m]; the primitive's own if None.
-        params: How the movement is followed; the robot logs once a control period in any case.
+        params: Of the reproduction; a robot always logs once per control period.
 
     Returns:
-        The result, None if the movement did not begin; what went wrong with robot or link; whether
-        whoever runs it ended it.
+        The result, None if the movement did not begin; the fault of robot or link; whether the user
+        stopped it.
 
     Raises:
         LinkFault: The robot cannot be reached, or is not ready; nothing was moved.
-        PepperDrakeError: The arm cannot get to the start without touching the body.
+        PepperDrakeError: The arm cannot reach the start without touching the body.
     """
     result: ReproductionResult | None = None
     with RobotRun(run, arm, cameras=()) as robot:
@@ -87,7 +87,7 @@ def _perform(
     goal: Vector | None,
     params: ReproductionParams,
 ) -> ReproductionResult | None:
-    """Performs the movement; None if it had hardly begun when something went wrong."""
+    """Performs the movement; None if a fault came before it had begun."""
     params = replace(params, log_period=CONTROL_PERIOD)
     diagram = Reproduction(
         primitive, arm=arm, positions=robot.joints, params=params, robot=robot.station()

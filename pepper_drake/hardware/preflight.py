@@ -1,4 +1,4 @@
-"""Checks before a robot is moved: each has a name, an answer, and a sentence that says the mend."""
+"""Checks before a robot is moved: each has a name, a result, and advice."""
 
 import asyncio
 import time
@@ -17,13 +17,13 @@ from pepper_drake.naoqi.constants import BODY, FRAME_TORSO
 from pepper_drake.naoqi.streaming import lookahead
 
 HOT = 70.0
-"""Temperature of a motor from which on the robot itself becomes softer [degrees Celsius]."""
+"""Temperature at which the robot itself reduces a motor's stiffness [degrees Celsius]."""
 LEAST_CHARGE = 15
-"""Battery charge below which no run is begun [percent]."""
+"""Least battery charge of a run [percent]."""
 WITNESS = 0.005
-"""Distance that the robot's own hand position may have from ours [m]."""
+"""Largest distance of the robot's own hand position from ours [m]."""
 CLOCK_BOUND = 0.02
-"""Error of the clocks' offset above which a moving head blurs what is seen [s]."""
+"""Error bound of the clock offset above which images of a moving head are misplaced [s]."""
 _CALLS = 8
 
 
@@ -33,7 +33,7 @@ class PreflightOptions:
 
     Attributes:
         needs_stiffness: Whether the arm must be stiff; recording makes it limp.
-        disable_life: Whether the robot's autonomous life is switched off where it is on.
+        disable_life: Whether to switch off the robot's autonomous life.
     """
 
     needs_stiffness: bool = True
@@ -42,14 +42,14 @@ class PreflightOptions:
 
 @dataclass(frozen=True)
 class Check:
-    """An answer.
+    """The result of a check.
 
     Attributes:
-        name: What was looked at.
-        value: What was found.
+        name: Subject of the check.
+        value: Finding.
         fault: Word of `LINK_FAULTS` if it forbids a run, else "".
         mend: What to do about it.
-        is_warning: Whether it is said but forbids nothing.
+        is_warning: Whether it is a warning, which forbids nothing.
     """
 
     name: str
@@ -64,10 +64,10 @@ class Check:
 
 
 async def check_robot(transport: Transport, arm: str, options: PreflightOptions) -> list[Check]:
-    """Makes all checks.
+    """Runs all checks.
 
     Raises:
-        LinkFault: One forbids a run.
+        LinkFault: A check forbids a run.
     """
     checks = await preflight(transport, arm, options)
     for check in checks:
@@ -77,7 +77,7 @@ async def check_robot(transport: Transport, arm: str, options: PreflightOptions)
 
 
 async def preflight(transport: Transport, arm: str, options: PreflightOptions) -> list[Check]:
-    """Makes all checks and returns their answers; one that is no Pepper ends them."""
+    """Runs all checks and returns their results; they end if the robot is not a Pepper."""
     model = await _model(transport)
     if model.fault:
         return [model]
@@ -90,13 +90,13 @@ async def preflight(transport: Transport, arm: str, options: PreflightOptions) -
         await _temperatures(transport, arm),
         await _battery(transport),
         await _hatch(transport),
-        await _witness(transport, arm),
+        await _check_hand_pose(transport, arm),
         *await _timing(transport),
     ]
 
 
 async def _data(transport: Transport, key: str) -> Any:
-    """Returns a value of ALMemory, None where the robot has none."""
+    """Returns a value of ALMemory, or None."""
     try:
         return await transport.call("ALMemory", "getData", key)
     except LinkFault as fault:
@@ -189,10 +189,10 @@ async def _hatch(transport: Transport) -> Check:
     return Check("hatch", "unknown" if is_open is None else "closed", is_warning=is_open is None)
 
 
-async def _witness(transport: Transport, arm: str) -> Check:
-    """Holds our kinematics of the measured joints against the robot's own."""
+async def _check_hand_pose(transport: Transport, arm: str) -> Check:
+    """Compares our forward kinematics of the measured joints with the robot's own."""
     name = f"{arm[0].upper()}Arm"
-    angles, told = await asyncio.gather(
+    angles, reported = await asyncio.gather(
         transport.call("ALMotion", "getAngles", "Body", True),
         transport.call("ALMotion", "getPosition", name, FRAME_TORSO, True),
     )
@@ -201,9 +201,9 @@ async def _witness(transport: Transport, arm: str) -> Check:
     positions = np.array(angles)[[BODY.index(joint) for joint in BODY_JOINTS]]
     model.plant.SetPositions(context, model.positions(positions, np.zeros(3)))
     X_TH = model.pose(context, hand_frame(arm), "torso")
-    X_TH_told = RigidTransform(RollPitchYaw(told[3:6]), told[:3])
-    error = float(np.linalg.norm(X_TH.translation() - X_TH_told.translation()))
-    turn = RotationMatrix(X_TH.rotation().inverse() @ X_TH_told.rotation()).ToAngleAxis().angle()
+    X_TH_robot = RigidTransform(RollPitchYaw(reported[3:6]), reported[:3])
+    error = float(np.linalg.norm(X_TH.translation() - X_TH_robot.translation()))
+    turn = RotationMatrix(X_TH.rotation().inverse() @ X_TH_robot.rotation()).ToAngleAxis().angle()
     value = f"{error * 1000:.1f} mm and {np.degrees(turn):.1f} degrees from our kinematics"
     if error > WITNESS:
         mend = "the model is not this robot's: nothing may be reached for with it"

@@ -1,4 +1,4 @@
-"""A NAOqi client over our own wire: it needs no libqi, so it runs on any Python and processor."""
+"""A NAOqi client with our own protocol code: without libqi, it runs on any Python and processor."""
 
 import asyncio
 import contextlib
@@ -26,12 +26,12 @@ from pepper_drake.naoqi.wire import (
 from pepper_drake.robot_server.wire.objects import META_OBJECT, Common, RemoteMethod, remote_methods
 
 PORTS = {"tcp": 9559, "tcps": 9503}
-"""NAOqi's port by the way in: open, and encrypted (NAOqi 2.9)."""
+"""NAOqi's port by scheme: plain, and encrypted (NAOqi 2.9)."""
 _CONNECT_SECONDS = 5.0
 _DIRECTORY = 1
 _MAIN = 1
 _DONE = 3
-"""Value of `__qi_auth_state` when the robot lets us in."""
+"""Value of `__qi_auth_state` after a successful authentication."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class RobotAddress:
     """An address such as `tcp://192.168.1.10:9559`.
 
     Attributes:
-        scheme: "tcp", or "tcps" where the connection is encrypted.
+        scheme: "tcp", or "tcps" for an encrypted connection.
         host: Name or number of the host.
         port: Port.
     """
@@ -50,10 +50,10 @@ class RobotAddress:
 
     @classmethod
     def parse(cls, text: str) -> "RobotAddress":
-        """Reads an address; the scheme is tcp and the port NAOqi's where they are left out.
+        """Reads an address; the default scheme is tcp, the default port NAOqi's.
 
         Raises:
-            InputError: It is none.
+            InputError: It is not an address.
 
         Example:
             >>> RobotAddress.parse("pepper.local")
@@ -83,7 +83,7 @@ class CallError(LinkFault):
 
         Args:
             call: Service and method.
-            text: What the robot said.
+            text: The robot's error message.
         """
         super().__init__("call_failed", f"{call}: {text}")
 
@@ -94,10 +94,10 @@ class RemoteObject:
     def __init__(
         self, connection: "QiConnection", name: str, service: int, obj: int, meta: tuple[Any, ...]
     ) -> None:
-        """Keeps where it is and what it has.
+        """Stores the object's address and meta-object.
 
         Args:
-            connection: Where it is called.
+            connection: For its calls.
             name: Name for messages.
             service: Number of its service.
             obj: Number of the object.
@@ -112,7 +112,7 @@ class RemoteObject:
         """Calls a method and returns its value.
 
         Raises:
-            LinkFault: There is no such method, the robot answered with an error, or is gone.
+            LinkFault: The method is missing, the robot answered with an error, or is gone.
         """
         found, payload = self._chosen(method, arguments)
         return await self._connection.request(
@@ -120,14 +120,14 @@ class RemoteObject:
         )
 
     async def subscribe(self, signal: str, callback: Callable[..., None]) -> None:
-        """Has a function called with what a signal carries, each time it is emitted."""
+        """Subscribes a callback to a signal; it is called with the signal's values."""
         if signal not in self._signals:
             raise LinkFault("service_missing", f"{self._name} has no signal {signal}")
         uid, parameters = self._signals[signal]
         await self._connection.listen(self._service, self._object, uid, parameters, callback)
 
     def _chosen(self, method: str, arguments: tuple[Any, ...]) -> tuple[RemoteMethod, bytes]:
-        """Returns the overload that takes the arguments best, and the encoded arguments."""
+        """Returns the overload that fits the arguments best, and the encoded arguments."""
         scored = sorted(
             (
                 (_fit(parse_signature(found.parameters), arguments), found)
@@ -148,7 +148,7 @@ class QiConnection:
     """One connection to one process of the robot."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Takes an open connection over; `open` makes one.
+        """Takes over an open connection; `open` makes one.
 
         Args:
             reader: From the robot.
@@ -169,11 +169,11 @@ class QiConnection:
         """Connects and authenticates.
 
         Raises:
-            LinkFault: Nobody answers there, or we are refused.
+            LinkFault: No robot answers there, or it refuses the connection.
         """
         context = None
         if address.scheme == "tcps":
-            # A robot's certificate is one of its own making: it proves nothing that can be checked.
+            # A robot's certificate is self-signed: there is nothing to verify.
             context = ssl.create_default_context()
             context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
         try:
@@ -263,7 +263,7 @@ class QiConnection:
                 await self._writer.wait_closed()
 
     def _cancel(self, number: int, service: int, obj: int, action: int) -> None:
-        """Tells the robot that nobody waits for a call any more."""
+        """Cancels a call in the robot."""
         if not self.lost.done():
             payload = encode("I", number)
             cancel = Message(MessageType.CANCEL, next(self._ids), service, obj, action, payload)
@@ -311,7 +311,7 @@ class QiConnection:
 
 
 class QiSession:
-    """A session with a robot: its services by their names, wherever in it they live."""
+    """A session with a robot: its services by name, in whichever of its processes."""
 
     def __init__(self, address: RobotAddress, user: str = "", password: str = "") -> None:
         """Keeps the address; `connect` connects.
@@ -319,7 +319,7 @@ class QiSession:
         Args:
             address: Of the robot's service directory.
             user: Name to authenticate with, if the robot demands one.
-            password: The same.
+            password: Of the user.
         """
         self._address, self._user, self._password = address, user, password
         self._connections: dict[RobotAddress, QiConnection] = {}
@@ -330,7 +330,7 @@ class QiSession:
         """Connects to the directory.
 
         Raises:
-            LinkFault: Nobody answers there, or we are refused.
+            LinkFault: No robot answers there, or it refuses the connection.
         """
         connection = await self._connection(self._address)
         self._directory = await connection.object("ServiceDirectory", _DIRECTORY)
@@ -339,7 +339,7 @@ class QiSession:
         """Returns a service.
 
         Raises:
-            LinkFault: The robot has none of that name, or it cannot be reached.
+            LinkFault: The robot has no such service, or it cannot be reached.
         """
         if name not in self._services:
             assert self._directory is not None, "connect first"
@@ -378,8 +378,8 @@ class QiSession:
     def _reachable(self, endpoints: list[str]) -> list[RobotAddress]:
         """Returns a service's addresses, the likeliest first.
 
-        The robot tells addresses as it knows them. Behind a tunnel or in a container only the host
-        that we were given reaches it, so its ports are tried there, too.
+        The robot lists addresses of its own network. Behind a tunnel or in a container only the
+        host of our address reaches it, so its ports are tried there, too.
         """
         addresses = []
         for endpoint in endpoints:
@@ -391,7 +391,7 @@ class QiSession:
 
 
 def _fit(signature: Signature, value: Any) -> int:
-    """Returns how well a value fits a signature: below 0 if not at all."""
+    """Returns a score of how well a value fits a signature, negative if not at all."""
     letter, items = signature.letter, signature.items
     if letter == "m":
         return 1

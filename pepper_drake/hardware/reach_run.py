@@ -23,7 +23,7 @@ from pepper_drake.results.reach_report import ReachReport
 Vector = npt.NDArray[np.float64]
 
 LONGEST = 120.0
-"""No reach takes longer [s]."""
+"""Timeout of a reach [s]."""
 _LOG_PERIOD = 0.02
 _LOGGED = (
     "joint_position",
@@ -40,27 +40,27 @@ _LOGGED = (
 
 @dataclass
 class HardwareReport(ReachReport):
-    """Contents of `report.json` for a robot: what is known without the truth, and the link."""
+    """Contents of `report.json` for a robot: without ground truth, with the link's statistics."""
 
     address: str = ""
     """Address of the robot."""
     believed_position_error: float | None = None
-    """Distance between the hand and the goal, as the robot sees both, at the end [m]."""
+    """Final distance of the hand from the goal, both as estimated by the robot [m]."""
     skipped_steps: int = 0
-    """Periods of 20 ms in which the arm was held while this computer planned, or was too slow."""
+    """Periods of 20 ms in which the arm was held because this computer planned or was too slow."""
     worst_lateness: float = 0.0
-    """Longest time by which a step was late [s]."""
+    """Largest lateness of a step [s]."""
     link_late: int = 0
-    """Cycles of the link that were left out."""
+    """Skipped cycles of the link."""
     round_trip: float = 0.0
-    """Time from a call to its answer at the end [s]."""
+    """Final round-trip time of a call [s]."""
     clock_bound: float = 0.0
-    """Largest error of the clocks' offset [s]."""
+    """Error bound of the clock offset [s]."""
     fault: str = ""
-    """Word of what went wrong with robot or link."""
+    """Word of the fault of robot or link."""
     warnings: list[str] = field(default_factory=list)
-    """Words of what was noticed and did not end the run."""
-    # Nobody measured these, which is not zero.
+    """Words of faults that did not end the run."""
+    # Not measured, which is not zero.
     contacts: int | None = None
     contact_force: float | None = None
     goal_force: float | None = None
@@ -68,7 +68,7 @@ class HardwareReport(ReachReport):
     command_acceleration: float | None = None
 
     def summary(self) -> str:
-        """A few lines for the terminal: what a robot knows of itself."""
+        """A few lines for the terminal, from the robot's own estimates."""
         lines = [f"{self.outcome}" + (f": {self.message}" if self.message else "")]
         lines.extend(self.movement.lines(coupled=self.coupling != "none"))
         if self.believed_position_error is not None:
@@ -85,7 +85,7 @@ class HardwareReport(ReachReport):
 
 @dataclass(frozen=True, eq=False)
 class HardwareResult:
-    """Report and log of a robot's reach: rows of each signal by name, and their times."""
+    """Report and log of a robot's reach: rows of each signal by name, with their times."""
 
     report: HardwareReport
     log: dict[str, Vector]
@@ -104,20 +104,20 @@ def reach_with_robot(
     config: ReachingConfig,
     run: HardwareRun,
 ) -> HardwareResult:
-    """Reaches with a robot, whatever its posture is at the start.
+    """Reaches with a robot from any initial posture.
 
     Args:
-        scene: Tells which arm reaches for what object; nothing else of it is known to the robot.
+        scene: Gives the arm and the goal object; the robot knows nothing else of it.
         primitive: The movement.
-        coupling: How obstacles bend it.
-        config: How the reach is built.
-        run: How the robot is led.
+        coupling: Of obstacles with the movement.
+        config: Of the reach.
+        run: How the robot is driven.
 
     Raises:
         LinkFault: The robot cannot be reached, or is not ready; nothing was moved.
     """
     with RobotRun(run, scene.arm) as robot:
-        scene = _where_it_stands(scene, robot)
+        scene = _with_measured_robot(scene, robot)
         config = replace(config, log_period=_LOG_PERIOD)
         station = robot.station(config.station.calibration)
         reaching = Reaching(scene, primitive, coupling, config, station)
@@ -133,8 +133,8 @@ def reach_with_robot(
     return HardwareResult(report, progress.log())
 
 
-def _where_it_stands(scene: Scene, robot: RobotRun) -> Scene:
-    """Returns the scene with the robot as it was measured."""
+def _with_measured_robot(scene: Scene, robot: RobotRun) -> Scene:
+    """Returns the scene with the robot's measured posture."""
     x, y, yaw = map(float, robot.base_pose)
     return replace(scene, robot=RobotStart(x, y, yaw, joints=robot.joints))
 
@@ -147,7 +147,7 @@ class _Progress:
         self._mode = ReachMode.LOOKING
 
     def is_over(self) -> bool:
-        """Looks at what the robot is doing."""
+        """Reports changes of the mode, and returns whether the reach is over."""
         supervisor = self._reaching.supervisor
         context = supervisor.GetMyContextFromRoot(self._simulator.get_context())
         mode = supervisor.progress(context).mode
@@ -158,7 +158,7 @@ class _Progress:
         return is_done or mode == ReachMode.FAILED or self._seconds() > LONGEST
 
     def _is_finished(self) -> bool:
-        """Returns whether no task is left to do after what is done."""
+        """Returns whether all tasks are done."""
         sequencer, root = self._reaching.sequencer, self._simulator.get_context()
         return sequencer is None or (
             sequencer.progress(sequencer.GetMyContextFromRoot(root)).finished
@@ -203,7 +203,7 @@ class _Progress:
         if robot.fault is not None:
             report.reason, report.message = robot.fault.word, str(robot.fault)
         elif self._mode == ReachMode.DONE and self._is_finished():
-            # The robot's own belief: nobody measured where the object truly was.
+            # By the robot's own estimate: the object's true position was not measured.
             report.outcome = "reached"
         elif self._mode == ReachMode.FAILED:
             report.reason, report.message = progress.reason, progress.message

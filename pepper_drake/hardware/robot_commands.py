@@ -1,4 +1,4 @@
-"""Commands as ALMotion takes them: where joints shall be a moment later, and where the base."""
+"""Commands for ALMotion: targets of joints a lookahead later, and moves of the base."""
 
 from collections.abc import Sequence
 
@@ -12,11 +12,11 @@ from pepper_drake.naoqi.streaming import LARGEST_FRACTION, streamed_command
 Vector = npt.NDArray[np.float64]
 
 HEADROOM = 1.5
-"""Fraction sent over that which the fastest joint needs. With it all joints run one lookahead less
-one cycle ahead of the plan, whatever their speeds, to 0.3 mrad; without, each is somewhere in
-between, up to 9 mrad apart (five joints along a minimum-jerk path against the served law)."""
+"""Factor on the fraction that the fastest joint needs. With it all joints run one lookahead less
+one cycle ahead of the plan, whatever their speeds, to 0.3 mrad; without it, they differ by up to 9
+mrad (five joints along a minimum-jerk path against the served law)."""
 _SEGMENT_LENGTH = 0.2
-"""Longest way that one moveTo drives [m]: the base of a dead client stops there."""
+"""Longest move of one moveTo [m], after which the base stops if its client has died."""
 _BASE_ACCELERATION = (0.3, 0.75)
 """The base's own accelerations [m/s^2, rad/s^2]."""
 
@@ -24,17 +24,17 @@ _BASE_ACCELERATION = (0.3, 0.75)
 def streamed_targets(
     names: Sequence[str], position: Vector, velocity: Vector, ahead: float, limits: CommandLimits
 ) -> tuple[Vector, float]:
-    """Returns what `setAngles` is given so that joints follow a path.
+    """Returns the arguments of `setAngles` with which joints follow a path.
 
     Args:
         names: Joints (n).
-        position: Where the path is now (n,) [rad].
-        velocity: Its velocity now (n,) [rad/s].
+        position: Current position of the path (n,) [rad].
+        velocity: Current velocity of the path (n,) [rad/s].
         ahead: The lookahead [s].
         limits: Of the joints.
 
     Returns:
-        Targets within all limits (n,) [rad], and the one fraction of the largest speed.
+        Targets within all limits (n,) [rad], and the common fraction of the largest speed.
     """
     step = np.clip(velocity, -limits.velocity, limits.velocity) * ahead
     targets = within_limits(names, position + step, limits)
@@ -43,24 +43,24 @@ def streamed_targets(
 
 
 def within_limits(names: Sequence[str], positions: Vector, limits: CommandLimits) -> Vector:
-    """Returns positions (n,) [rad] moved into their limits, the yaw-coupled ones included."""
+    """Returns positions (n,) [rad] clipped to their limits, including the yaw-coupled ones."""
     inside = np.clip(positions, limits.position_lower, limits.position_upper)
     clamped = clamp_coupled_limits(dict(zip(names, inside, strict=True)))
     return np.array([clamped[name] for name in names])
 
 
 def base_segment(velocity: Vector) -> Vector | None:
-    """Returns the move that a velocity of the base stands for.
+    """Returns the move for a velocity of the base.
 
-    A base that brakes at a constant rate has v^2 / (2 a) still to go, and one that settles by a
-    rate of 5/s has v / 5: a move of the larger of both never leads beyond the goal that the
-    velocity aims at.
+    A base that brakes at a constant rate has a distance of v^2 / (2 a) left, and one that settles
+    at a rate of 5/s has v / 5: a move by the larger of both never leads beyond the goal of the
+    velocity.
 
     Args:
         velocity: vx, vy [m/s] and yaw rate [rad/s] in the base's frame.
 
     Returns:
-        x, y [m] and theta [rad] in the base's frame; None to stand still.
+        x, y [m] and theta [rad] in the base's frame; None for no move.
     """
     if not np.isfinite(velocity).all():
         return None

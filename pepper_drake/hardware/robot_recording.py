@@ -1,8 +1,8 @@
-"""Recording on a robot (algorithm 1 of the report): the arm goes limp, a person leads it.
+"""Recording on a robot (algorithm 1 of the report): the arm goes limp and a person guides it.
 
-The arm's motors are relaxed by a ramp, its joints are read at 50 Hz by the robot's own clock, and
-the hand's pose is computed of them with our kinematics. The chest button, a touch on the head or
-the other hand's back, or whoever runs it ends the recording; then the arm is held where it is.
+The arm's stiffness is ramped down, its joints are read at 50 Hz with the robot's time stamps, and
+the hand's pose is computed with our kinematics. The chest button, a touch on the head or on the
+back of the other hand, or the user ends the recording; then the arm is held.
 """
 
 import asyncio
@@ -32,13 +32,13 @@ from pepper_drake.naoqi.constants import BODY, CYCLE
 Array = npt.NDArray[np.float64]
 
 RELAXING = 0.5
-"""Time in which the arm goes limp, and in which it becomes stiff again [s]."""
+"""Time in which the arm goes limp, and later becomes stiff again [s]."""
 LONGEST = 300.0
-"""No recording takes longer [s]."""
+"""Longest recording [s]."""
 SILENT = 1.0
-"""Time without an answer after which the robot is taken for frozen [s]."""
+"""Timeout of an answer, after which the robot counts as frozen [s]."""
 CLOCK_JUMP = 2.0
-"""Time between two samples above which the robot's clock jumped, or it was started anew [s]."""
+"""Time between samples that shows a jump of the robot's clock, or a restart [s]."""
 _WRITE_PERIOD = 0.5
 _CLOCK_KEY = "Device/SubDeviceList/HeadYaw/Position/Sensor/Value"
 _HEAD = ("FrontTactilTouched", "MiddleTactilTouched", "RearTactilTouched")
@@ -49,12 +49,12 @@ class RobotRecordOptions:
     """Options of a recording on a robot.
 
     Attributes:
-        folder: The demonstration's.
-        arm: "left" or "right": the one that is led.
-        disable_life: Whether autonomous life is switched off where it is on.
+        folder: Of the demonstration.
+        arm: "left" or "right": the guided one.
+        disable_life: Whether to switch off autonomous life.
         should_stop: Asked at each sample.
-        say: Takes a line for people.
-        clock_rate: Rate of the robot's clock; 1 but for a served robot that was told otherwise.
+        say: Prints a line for the user.
+        clock_rate: Rate of the robot's clock; 1 except for a served robot with another rate.
     """
 
     folder: Path
@@ -71,7 +71,7 @@ class RobotRecording:
 
     Attributes:
         demonstration: The motion, without the rest at both ends.
-        ended_by: The event that ended it, "" if whoever runs it did, or the time was up.
+        ended_by: The event that ended it, "" for the user or the time limit.
         samples: Number of samples that were read.
     """
 
@@ -84,12 +84,12 @@ def record_robot(access: RobotAccess, options: RobotRecordOptions) -> RobotRecor
     """Records a demonstration on a robot.
 
     Args:
-        access: Way to the robot.
-        options: What is recorded, and how it ends.
+        access: Address and credentials of the robot.
+        options: Of the recording.
 
     Raises:
-        LinkFault: The robot cannot be reached, is not ready, or was lost; what was recorded until
-            then stays in the folder and can be recovered.
+        LinkFault: The robot cannot be reached, is not ready, or was lost; the recording so far
+            stays in the folder and can be recovered.
         StoppedError: It ended before the hand had moved.
         InputError: The folder cannot be written to.
     """
@@ -123,7 +123,7 @@ async def _record(transport: Transport, options: RobotRecordOptions) -> RobotRec
 
 
 async def _hold(transport: Transport, names: list[str]) -> None:
-    """Makes the arm stiff where it is, if the robot can still be told."""
+    """Makes the arm stiff in its position, if the robot can still be reached."""
     with contextlib.suppress(LinkFault, TimeoutError):
         async with asyncio.timeout(2 * SILENT + RELAXING):
             await transport.call("ALMotion", "stiffnessInterpolation", names, 1.0, RELAXING)
@@ -131,7 +131,7 @@ async def _hold(transport: Transport, names: list[str]) -> None:
 
 @dataclass
 class _Sampling:
-    """The samples of a recording as they come."""
+    """Collects the samples of a recording."""
 
     transport: Transport
     options: RobotRecordOptions
@@ -141,7 +141,7 @@ class _Sampling:
     ended_by: str = ""
 
     async def listen(self) -> None:
-        """Subscribes to what ends the recording."""
+        """Subscribes to the events that end the recording."""
         other = "Left" if self.options.arm == "right" else "Right"
         for event in ("ChestButtonPressed", *_HEAD, f"Hand{other}BackTouched"):
             await self.transport.on_event(event, partial(self._end, event))
@@ -151,7 +151,7 @@ class _Sampling:
             self.ended_by = event
 
     async def run(self) -> None:
-        """Reads samples each 20 ms until something ends it."""
+        """Reads samples every 20 ms until the recording ends."""
         clock = LinkClock(self.options.clock_rate)
         model = shared_control_model()
         context = model.create_context()

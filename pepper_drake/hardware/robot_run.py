@@ -1,4 +1,4 @@
-"""A run of a robot: checked before, led in step with the clock, handed over at the end."""
+"""A run of a robot: checked before, driven in real time, handed over at the end."""
 
 import time
 from collections.abc import Callable
@@ -37,14 +37,14 @@ class HardwareRun:
     """Options of a run with a robot.
 
     Attributes:
-        access: Way to the robot.
-        preflight: What is done before.
-        should_stop: Asked before each step; when it says so the arm is handed over.
-        say: Takes a line for people.
-        holds: Whether the arm stays where it is at the end, stiff, and is not handed over.
+        access: Address and credentials of the robot.
+        preflight: Of the checks before.
+        should_stop: Asked before each step; if true, the arm is handed over.
+        say: Prints a line for the user.
+        holds: Whether the arm is held at the end, stiff, instead of handed over.
         clock_rate: Rate of the robot's clock; see `LinkConfig`.
-        dead_man: The key that a person holds meanwhile; see `LinkConfig`.
-        protects_arms: Whether the robot slows its arms near what it sees.
+        dead_man: The key to hold meanwhile; see `LinkConfig`.
+        protects_arms: Whether the robot's own protection slows its arms; see `LinkConfig`.
     """
 
     access: RobotAccess
@@ -58,26 +58,26 @@ class HardwareRun:
 
 
 class RobotRun:
-    """A robot that is led; a context manager that hands it over, whatever happens inside.
+    """A driven robot; a context manager that hands it over, whatever happens inside.
 
-    After a run that ended in order the arm first goes back the way that it came in the last
-    `advance`: over a table it cannot be lowered. A second Ctrl-C, a KeyboardInterrupt, leaves the
-    arm as it is, stiff.
+    After a run without a fault the arm first retraces its path of the last `advance`: over a table
+    it cannot be lowered. A second Ctrl-C, a KeyboardInterrupt, leaves the arm in its position,
+    stiff.
 
     Attributes:
         link: The link.
         clock: The diagram's clock.
-        fault: What went wrong with robot or link, if anything did.
-        is_stopped: Whether whoever runs it ended it.
-        was_slowed: Whether the robot slowed its arm near what it saw.
+        fault: Of the robot or the link, or None.
+        is_stopped: Whether the user stopped it.
+        was_slowed: Whether the robot's protection slowed its arm.
     """
 
     def __init__(self, run: HardwareRun, arm: str, **config: object) -> None:
-        """Keeps how it is led.
+        """Stores the options; entering the context connects.
 
         Args:
-            run: How.
-            arm: "left" or "right": this one moves.
+            run: Options of the run.
+            arm: "left" or "right": the one that moves.
             config: Other fields of `LinkConfig`.
         """
         self._run, self._arm = run, arm
@@ -90,10 +90,10 @@ class RobotRun:
         )
         self.fault: LinkFault | None = None
         self.is_stopped = self.was_slowed = False
-        self._way: list[Vector] = []
+        self._path: list[Vector] = []
 
     def __enter__(self) -> Self:
-        """Checks the robot and begins to measure.
+        """Connects, checks the robot and starts measuring.
 
         Raises:
             LinkFault: It cannot be reached, or is not ready; nothing was moved.
@@ -128,7 +128,7 @@ class RobotRun:
     def _end(self, kind: type[BaseException] | None) -> None:
         say = self._run.say
         if kind is None and not self._run.holds:
-            self._go_back()
+            self._retrace()
         fault = self.fault
         if fault is not None:
             self.fault = fault = self.link.last_fault() or fault
@@ -144,13 +144,13 @@ class RobotRun:
             self.fault = self.fault or left
             say(f"the {self._arm} arm was left stiff" + (f": {left}" if left else ""))
 
-    def _go_back(self) -> None:
-        """Takes the arm back the way that it came, unless something went wrong."""
-        if self.fault is not None or self.is_stopped or not self._way:
+    def _retrace(self) -> None:
+        """Retraces the arm's path, unless there was a fault or a stop."""
+        if self.fault is not None or self.is_stopped or not self._path:
             return
         arm = body_indices(arm_joints(self._arm))
-        back = way_back(np.array(self._way)[:, arm])
-        if len(back) < 3:  # It is there.
+        back = way_back(np.array(self._path)[:, arm])
+        if len(back) < 3:  # It is there already.
             return
         postures = np.tile(list(self.joints.values()), (len(back), 1))
         postures[:, arm] = back
@@ -159,12 +159,12 @@ class RobotRun:
         say(f"the {self._arm} arm goes back the way that it came, in {motion.times[-1]:.1f} s")
         self.go_along(motion)
         if self.fault is not None and self.fault.word == "dead_man":
-            # The run was over; whoever lets go now spoils nothing of it.
+            # The run was over: releasing the switch now is no fault.
             say(f"{self.fault.word}: {self.fault}")
             self.fault = None
 
     def go_along(self, motion: CalibrationMotion) -> None:
-        """Leads the robot along a motion of its joints, without looking; see `advance`."""
+        """Drives the robot along a motion of its joints, without perception; see `advance`."""
         drive = CalibrationDrive(self.station(), motion)
         simulator = Simulator(drive)
         clock = simulator.get_context()
@@ -172,13 +172,13 @@ class RobotRun:
 
     @property
     def joints(self) -> dict[str, float]:
-        """Positions of all joints as they are measured now, by name [rad]."""
+        """Current measured positions of all joints by name [rad]."""
         measured = map(float, self.link.state()["positions"])
         return dict(zip(BODY_JOINTS, measured, strict=True))
 
     @property
     def base_pose(self) -> Vector:
-        """The base's x, y [m] and yaw [rad] by odometry, now (3,)."""
+        """The base's current x, y [m] and yaw [rad] by odometry (3,)."""
         return np.array(self.link.state()["base_pose"])
 
     def station(self, calibration: RobotCalibration | None = None) -> HardwareStation:
@@ -188,7 +188,7 @@ class RobotRun:
     def advance(
         self, diagram: Diagram, is_over: Callable[[], bool], simulator: Simulator | None = None
     ) -> Pacing:
-        """Leads the robot by a diagram until that is over, stopped, or something goes wrong.
+        """Drives the robot by a diagram until it is over, stopped, or there is a fault.
 
         Args:
             diagram: With a station of this robot.
@@ -196,10 +196,10 @@ class RobotRun:
             simulator: Of the diagram, if there is one.
 
         Returns:
-            How the time was kept; `fault` and `is_stopped` tell how it ended.
+            Timing statistics; `fault` and `is_stopped` tell how it ended.
         """
         self._wait_for_key()
-        self._way = []
+        self._path = []
 
         def ends() -> bool:
             try:
@@ -208,7 +208,7 @@ class RobotRun:
                 self.fault = fault
                 return True
             state = self.link.state()
-            self._way.append(np.array(state["positions"]))
+            self._path.append(np.array(state["positions"]))
             if not self.was_slowed and state["slowed"]:
                 self.was_slowed = True
                 self._run.say(f"arm_slowed: {LINK_FAULTS['arm_slowed']}")

@@ -12,15 +12,15 @@ from pepper_drake.hardware.robot_run import HardwareRun
 
 
 def hardware_run(options: Namespace, should_stop: Callable[[], bool]) -> HardwareRun:
-    """Returns how the robot is led that the options name.
+    """Returns the options of a robot run from the command line.
 
     Raises:
-        InputError: There is no address, or nobody can hold the dead man's switch.
+        InputError: The address is missing, or the dead man's switch is not available.
     """
     dead_man = "" if options.unattended else options.pad or KEYBOARD
     key = dead_man_key(dead_man)
     if key is not None:
-        key.close()  # It is the link's process that reads it.
+        key.close()  # The link's process reads it.
     return HardwareRun(
         robot_access(options),
         PreflightOptions(disable_life=options.disable_life),

@@ -1,4 +1,4 @@
-"""Slow motions of a robot that do not look: along postures, and back along a way that was gone."""
+"""Slow motions of a robot without perception: along postures, and back along a path."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,11 +11,11 @@ Vector = npt.NDArray[np.float64]
 SLOW = 0.3
 """Largest speed of a joint [rad/s]."""
 STANDS = 0.3
-"""Time for which the robot stands before and after [s]."""
+"""Time at rest before and after [s]."""
 _RAMP = 0.5
-"""Time in which it gathers speed, and in which it brakes [s]."""
+"""Time of acceleration, and of braking [s]."""
 _SAME = 0.02
-"""Postures whose joints differ by less are one [rad]."""
+"""Postures whose joints differ by less count as equal [rad]."""
 
 
 def slow_motion(postures: Vector) -> CalibrationMotion:
@@ -24,17 +24,17 @@ def slow_motion(postures: Vector) -> CalibrationMotion:
     lengths = np.concatenate(([0.0], np.cumsum(steps)))
     count = max(int(np.ceil(lengths[-1] / (SLOW * CONTROL_PERIOD))), 1)
     ramp = np.hanning(round(_RAMP / CONTROL_PERIOD) + 2)[1:-1]
-    ways = np.convolve(np.full(count, lengths[-1] / count), ramp / ramp.sum())
-    at = np.concatenate(([0.0], np.cumsum(ways)))
+    advances = np.convolve(np.full(count, lengths[-1] / count), ramp / ramp.sum())
+    at = np.concatenate(([0.0], np.cumsum(advances)))
     times = STANDS + CONTROL_PERIOD * np.arange(len(at), dtype=np.float64)
     rows = [np.interp(at, lengths, joint) for joint in postures.T]
     return CalibrationMotion(times, np.column_stack(rows), ())
 
 
 def way_back(way: Vector) -> Vector:
-    """Returns the postures (M, n) from the last of a way (N, n) to its first [rad].
+    """Returns the postures (M, n) from the last of a path (N, n) to its first [rad].
 
-    Where the way came back to where it had been before, what lies between is left out.
+    Loops, where the path returned to an earlier posture, are left out.
     """
     here = len(way) - 1
     back = [here]

@@ -1,4 +1,4 @@
-"""The robot's joints and odometry, asked for once a cycle, by both clocks."""
+"""The robot's joints and odometry, requested once per cycle, stamped by both clocks."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -16,22 +16,22 @@ from pepper_drake.naoqi.constants import BODY, CYCLE, HANDS
 from pepper_drake.naoqi.streaming import lookahead
 
 FRESH = 0.1
-"""Age above which neither a state nor a command counts any more [s]."""
+"""Largest age of a valid state or command [s]."""
 FROZEN = 1.0
-"""Time without an answer after which the robot is taken for frozen [s]."""
+"""Timeout of an answer, after which the robot counts as frozen [s]."""
 FIRST_ANSWERS = 3
-"""Answers before the round trip is judged: the first take longer, since services are looked up."""
+"""Answers before the round trip is checked: the first ones include the lookup of services."""
 _CLOCK_KEY = "Device/SubDeviceList/HeadYaw/Position/Sensor/Value"
 
 
 class StateReader:
-    """Measurements of a robot, and how long it takes to answer.
+    """Measurements of a robot, and the latency of its answers.
 
     Attributes:
         measured: The measurements so far.
         answers: Number of them.
-        round_trip: Time from a question to its answer, filtered [s]; 0 before the first.
-        shortest_trip: The shortest of them [s]; infinite before the first.
+        round_trip: Low-pass filtered round-trip time [s]; 0 before the first answer.
+        shortest_trip: Shortest round-trip time [s]; infinite before the first answer.
         hands: Opening of each of `HANDS`; NaN before the first.
 
     Args:
@@ -42,7 +42,7 @@ class StateReader:
     def __init__(self, transport: Transport, clock: LinkClock) -> None:
         self._transport, self._clock = transport, clock
         self._columns = [BODY.index(name) for name in BODY_JOINTS]
-        self._asked = 0.0
+        self._request_time = 0.0
         self._question: asyncio.Task[None] | None = None
         self.measured = Measurements()
         self.answers = 0
@@ -54,23 +54,23 @@ class StateReader:
         return self._question is not None and not self._question.done()
 
     def ask(self, start: Callable[[Coroutine[Any, Any, None]], asyncio.Task[None]]) -> None:
-        """Asks for a state, unless the last answer is still to come.
+        """Requests a state, unless the last request is still pending.
 
         Args:
-            start: Starts a task; what it raises is the link's to handle.
+            start: Starts a task, whose exceptions the link handles.
         """
         if not self._is_asking:
-            self._asked = self._clock.now()
+            self._request_time = self._clock.now()
             self._question = start(self._read())
 
     def check(self) -> None:
-        """Judges how the robot answers.
+        """Checks the robot's answers.
 
         Raises:
-            LinkFault: It does not answer, its clock stands still, or it answers too slowly.
+            LinkFault: It does not answer, its clock has stopped, or it answers too slowly.
         """
         now, newest = self._clock.now(), self.measured.newest
-        silent = now - self._asked if self._is_asking else 0.0
+        silent = now - self._request_time if self._is_asking else 0.0
         if silent > FROZEN:
             raise LinkFault("link_frozen", f"no answer for {FROZEN:g} s")
         if silent < FRESH and newest and now - newest.time > FROZEN:
@@ -79,10 +79,10 @@ class StateReader:
             raise LinkFault("link_slow", f"{self.round_trip * 1000:.0f} ms to an answer")
 
     async def at(self, robot_time: float) -> Measurement | None:
-        """Returns the state at a time of the robot's clock; None where it is not known."""
+        """Returns the state at a time of the robot's clock; None if unknown."""
         taken = self.measured.at(robot_time)
         if taken is None:
-            # The state of that moment may still be under way.
+            # The state of that time may still be in transit.
             await self._clock.pause(2 * CYCLE + self.round_trip)
             taken = self.measured.at(robot_time)
         return taken
@@ -95,7 +95,7 @@ class StateReader:
             call("ALMotion", "getRobotPosition", True),
         )
         answered = self._clock.now()
-        trip = answered - self._asked
+        trip = answered - self._request_time
         if self.answers < FIRST_ANSWERS:
             self.round_trip = min(trip, self.round_trip or trip)
         else:
@@ -107,8 +107,8 @@ class StateReader:
         self.hands = [float(angles[BODY.index(name)]) for name in HANDS]
         if not (np.isfinite(positions).all() and np.isfinite(base_pose).all()):
             raise LinkFault("wrong_robot", "it measures what is not a number")
-        # It answers in the middle, with what it measured half a cycle before, on average.
-        measured = (self._asked + answered) / 2 - CYCLE / 2
+        # On average it answers in the middle, with a measurement half a cycle old.
+        measured = (self._request_time + answered) / 2 - CYCLE / 2
         self.answers += 1
         self.measured.add(
             Measurement(join_time(stamp[1], stamp[2]), measured, positions, base_pose)

@@ -1,4 +1,4 @@
-"""HardwareStation: a real robot with the ports of `PepperStation`, less the ground truth."""
+"""HardwareStation: a real robot with the ports of `PepperStation`, without ground truth."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -49,14 +49,14 @@ _HAND_PORTS = tuple(
 
 @dataclass(frozen=True)
 class LinkStatus:
-    """The link as the station sees it.
+    """Status of the link for the station.
 
     Attributes:
-        is_fresh: Whether the state is young enough to be acted upon.
+        is_fresh: Whether the state is recent enough to act upon.
         age: Age of the state [s].
-        round_trip: Time from a call to its answer [s].
-        fault: Word of what went wrong, "" if nothing did.
-        message: The sentence to it.
+        round_trip: Round-trip time of a call [s].
+        fault: Word of the fault, or "".
+        message: Sentence of the fault.
     """
 
     is_fresh: bool = True
@@ -79,7 +79,7 @@ class _Measured:
 
 @dataclass(frozen=True)
 class _Received:
-    """The newest image of a camera with what was measured when it was taken."""
+    """The newest image of a camera, with the measurements at its capture."""
 
     time: float
     pixels: npt.NDArray[Any]
@@ -115,8 +115,8 @@ class RobotInterface(LeafSystem):
 
     Inputs: `joint_position_command` (15), rad, in the order of `BODY_JOINTS`, of which head and
     working arm are passed on; `base_velocity_command` (3), m/s, m/s, rad/s in the base's frame;
-    `hand_command` (2), openings in the order of `HANDS`, NaN for a hand that is left as it is;
-    `NAME.enabled` (1), 0 for no images of that camera; all cameras are on that nothing switches.
+    `hand_command` (2), openings in the order of `HANDS`, NaN for a hand that is not moved;
+    `NAME.enabled` (1), 0 for no images of that camera; unconnected, the camera is on.
     Outputs: `joint_position` (15), rad; `joint_velocity` (15), rad/s, over three measurements;
     `base_pose` (3), x, y in m and yaw in rad, by the robot's odometry; `hand_opening` (2);
     `measurement_age` (2), time since joints and base were measured [s]; `missing_joint` (1),
@@ -231,7 +231,7 @@ class RobotInterface(LeafSystem):
 
 
 def _velocity(rows: tuple[tuple[float, Vector], ...]) -> Vector:
-    """Returns the joints' mean velocity over the newest measurements."""
+    """Returns the joints' mean velocity (15,) over the newest measurements [rad/s]."""
     n = len(BODY_JOINTS)
     if len(rows) < 2:
         return np.zeros(n)
@@ -240,7 +240,7 @@ def _velocity(rows: tuple[tuple[float, Vector], ...]) -> Vector:
 
 
 class ReceivedCamera(LeafSystem):
-    """A camera of the robot: its newest image, and the robot as it was when that was taken.
+    """A camera of the robot: its newest image, and the robot's positions at its capture.
 
     .. pydrake_system::
 
@@ -254,7 +254,7 @@ class ReceivedCamera(LeafSystem):
     Outputs: `image`, an ImageRgba8U, or an ImageDepth16U in millimetres; `time_stamp` (1), s, in
     the diagram's time, minus infinity before the first image; `X_WC`, a RigidTransform, and
     `position` (18), the control model's positions, both of the capture. State: the newest image
-    (abstract). Events: a periodic unrestricted update that looks for it.
+    (abstract). Events: a periodic unrestricted update that polls it.
     """
 
     def __init__(
@@ -272,9 +272,9 @@ class ReceivedCamera(LeafSystem):
             link: A link that is ready.
             camera: NAOqi's id of the camera.
             model: Pepper's kinematics.
-            clock: The diagram's.
-            period: Time between two looks [s].
-            calibration: Of the robot; None for none.
+            clock: The diagram's clock.
+            period: Polling period [s].
+            calibration: Of the robot, or None.
         """
         super().__init__()
         self._record = link.mailbox.images[camera]
@@ -398,16 +398,16 @@ class HardwareStation(Diagram):
         - camera_depth.time_stamp
         - camera_depth.position
 
-    The ports mean what they mean at `PepperStation`; there are none of `ground_truth.*`. It must
-    be advanced with the wall's clock (`paced_run.run_paced`).
+    The ports have the meaning of `PepperStation`'s; there are no `ground_truth.*`. It must be
+    advanced in real time (`paced_run.run_paced`).
 
     Attributes:
         link: The link.
         control_model: Pepper's kinematics.
         depth_intrinsics: Of the depth camera's images.
-        config: As if it were simulated: it has cameras, and they have noise.
-        scene_models: No bodies: nothing but what is seen is known of the world.
-        clock: The diagram's.
+        config: As of a simulated station with noisy cameras.
+        scene_models: No bodies: the world is only known by perception.
+        clock: The diagram's clock.
     """
 
     def __init__(
@@ -422,8 +422,8 @@ class HardwareStation(Diagram):
         Args:
             link: A link that is ready.
             model: Pepper's kinematics.
-            clock: The diagram's; one that begins now if left out.
-            calibration: Of the robot; None for none.
+            clock: The diagram's clock; a new one that starts now if left out.
+            calibration: Of the robot, or None.
         """
         super().__init__()
         self.link, self.control_model = link, model
@@ -462,5 +462,5 @@ class HardwareStation(Diagram):
         build_into(builder, self)
 
     def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
-        """Parameters with which obstacles are seen in the depth images: those wanted."""
+        """Returns the parameters of obstacle perception in the depth images, unchanged."""
         return parameters

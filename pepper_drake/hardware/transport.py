@@ -1,4 +1,4 @@
-"""The robot's services, over libqi or over our own wire: who calls them cannot tell which."""
+"""The robot's services, over libqi or our own protocol code, with one interface."""
 
 import asyncio
 import contextlib
@@ -12,17 +12,17 @@ from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.qi_client import CallError, QiSession, RobotAddress
 
 LINKS = ("wire", "libqi")
-"""Ways to the robot: our own wire, or the library of its maker."""
+"""Implementations: our own protocol code, or the maker's library."""
 
 
 @dataclass(frozen=True)
 class RobotAccess:
-    """Way to a robot.
+    """Address and credentials of a robot.
 
     Attributes:
         address: Such as `tcp://192.168.1.10:9559`.
         user: Name to authenticate with; NAOqi 2.9 demands one.
-        password: The same.
+        password: Of the user.
         link: One of `LINKS`.
     """
 
@@ -42,7 +42,7 @@ class Transport(Protocol):
         """Calls a method; LinkFault if it fails."""
 
     async def on_event(self, event: str, callback: Callable[[Any], None]) -> None:
-        """Has a function called with the value of an event of ALMemory, each time it is raised."""
+        """Subscribes a callback to an event of ALMemory; it is called with the event's value."""
 
     @property
     def is_lost(self) -> bool:
@@ -53,16 +53,16 @@ class Transport(Protocol):
 
 
 class WireTransport:
-    """A robot over our own wire."""
+    """A robot over our own protocol code."""
 
     def __init__(self, access: RobotAccess) -> None:
-        """Keeps the address.
+        """Stores the address.
 
         Args:
-            access: Way to the robot.
+            access: Address and credentials of the robot.
 
         Raises:
-            InputError: The address is none.
+            InputError: The address is malformed.
         """
         address = RobotAddress.parse(access.address)
         self._session = QiSession(address, access.user, access.password)
@@ -93,16 +93,16 @@ class WireTransport:
 
 
 class LibqiTransport:
-    """A robot over libqi. One in a process: libqi has one application in each."""
+    """A robot over libqi. One per process: libqi has one application in each."""
 
     def __init__(self, access: RobotAccess) -> None:
         """Loads libqi.
 
         Args:
-            access: Way to the robot.
+            access: Address and credentials of the robot.
 
         Raises:
-            InputError: libqi is not installed, or the address is none.
+            InputError: libqi is not installed, or the address is malformed.
         """
         RobotAddress.parse(access.address)
         if find_spec("qi") is None:
@@ -193,13 +193,13 @@ class LibqiTransport:
 
 
 class _AuthenticatorFactory:
-    """Makes what libqi asks for user and password."""
+    """Makes the authenticator from which libqi takes user and password."""
 
     def __init__(self, access: RobotAccess) -> None:
         self._access = access
 
     def newAuthenticator(self) -> "_AuthenticatorFactory":
-        """Returns itself: it has no state."""
+        """Returns itself, which has no state."""
         return self
 
     def initialAuthData(self) -> dict[str, str]:
@@ -208,7 +208,7 @@ class _AuthenticatorFactory:
 
 
 async def identity(transport: Transport) -> tuple[Any, ...]:
-    """Returns what tells a robot's sessions apart: machine, process and session of ALMotion.
+    """Returns the identity of a robot's session: machine, process and session of ALMotion.
 
     Raises:
         LinkFault: The robot does not answer.
@@ -218,10 +218,10 @@ async def identity(transport: Transport) -> tuple[Any, ...]:
 
 
 def make_transport(access: RobotAccess) -> Transport:
-    """Returns the way to the robot that is asked for.
+    """Returns the transport of the requested kind.
 
     Raises:
-        InputError: There is no such way, or it is not installed.
+        InputError: There is no such link, or it is not installed.
     """
     if access.link == "wire":
         return WireTransport(access)

@@ -7,7 +7,7 @@ from scipy.linalg import qr, solve_triangular
 Array = npt.NDArray[np.float64]
 
 RIDGE = 1e-12
-"""Ridge, relative to columns scaled to norm one: it decides only what the data leave open."""
+"""Ridge relative to columns of norm one: it only decides what the data do not determine."""
 
 
 def ridge_solver(columns: Array) -> Array:

@@ -1,10 +1,10 @@
 """The canonical system of a discrete motion: a phase that falls from one towards zero.
 
 tau x' = -alpha_x x / (1 + slowdown), x(0) = 1 (equation 2.5 of the report; the slowdown is the
-phase stopping of Ijspeert et al. 2013, section 2.4, doi:10.1162/NECO_a_00393). Time divided by the
-motion's duration, here called relative time, and phase are two names of one thing:
-x = exp(-alpha_x s). Everything that is learned is a function of the phase, so another canonical
-system (a rhythmic one) only has to bring its own phase and its own features of it.
+phase stopping of Ijspeert et al. 2013, section 2.4, doi:10.1162/NECO_a_00393). Relative time s
+(time divided by duration) and phase are equivalent: x = exp(-alpha_x s). All learned functions
+depend on the phase alone, so another canonical system (a rhythmic one) only needs its own phase and
+features.
 """
 
 from typing import Any
@@ -13,16 +13,16 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-Scalar = Any  # A float, or an AutoDiffXd where gradients are asked for.
+Scalar = Any  # A float, or an AutoDiffXd for gradients.
 
 ALPHA_Z = 25.0
-"""Default constant of the spring: it settles to 1e-4 of a step within one tau."""
+"""Default constant of the spring: its step response settles to 1e-4 within one tau."""
 
 PHASE_RATIO = 3.0
 """alpha_x = alpha_z / 3, the report's choice."""
 
 GOAL_THRESHOLD = 0.003
-"""A goal counts as moved when it is further than this from where it was, in m."""
+"""A goal counts as moved when it is further than this from its last position [m]."""
 
 
 def phase_at(relative_times: npt.ArrayLike, alpha_x: float) -> Array:
@@ -38,10 +38,10 @@ def hold(phases: Array, least: float) -> Array:
 
 
 def fade_out(phases: npt.ArrayLike, alpha_x: float) -> Array:
-    """Returns one during the motion and (x / x_end)³ after it, (N,): ends any forcing term.
+    """Returns one during the motion and (x / x_end)³ after it, (N,), which ends any forcing term.
 
-    It then falls like exp(-alpha_z t / tau), faster than the spring settles, so that what the
-    forcing term was at the end does not keep the hand from its goal.
+    It falls like exp(-alpha_z t / tau), faster than the spring settles, so that the forcing term's
+    final value does not keep the hand from its goal.
     """
     x = np.asarray(phases)
     return (x / hold(x, np.exp(-alpha_x))) ** 3
@@ -64,19 +64,19 @@ def extended_tau(
 ) -> Scalar:
     """Extends the duration in proportion to the goal's displacement since the motion began.
 
-    What counts is how far the goal is from where it was at first, not the way that it went: a goal
-    whose estimate shakes does not make the motion longer and longer.
+    Only the goal's distance from its first position counts, not its path length, so that a noisy
+    estimate of the goal does not lengthen the motion more and more.
 
     Args:
         tau: The duration so far [s].
         nominal: The duration without a displacement [s].
-        first_goal: (3,) where the goal was when the motion began [m].
-        seen_goal: (3,) where it is now [m].
+        first_goal: (3,) goal at the start of the motion [m].
+        seen_goal: (3,) current goal [m].
         extension: Time for each metre of displacement [s/m].
 
     Returns:
-        The duration [s], never less than `tau`: what was given is not taken back. It stays while
-        the goal is within `GOAL_THRESHOLD` of the first one.
+        The duration [s], never less than `tau`; unchanged while the goal is within `GOAL_THRESHOLD`
+        of the first one.
     """
     displacement = seen_goal - first_goal
     square = displacement @ displacement

@@ -1,8 +1,8 @@
 """Unit quaternions (w, x, y, z): product, logarithm, exponential, angular velocity, angles.
 
-All functions are vectorised over leading axes; those that run at every tick treat one alone in
-plain numbers, which is many times as fast. Rotation vectors and angular velocities are
-expressed in the frame that the orientation is measured in (not in the body). References: Ude,
+All functions are vectorised over leading axes; those of the control tick treat a single quaternion
+in plain numbers, which is many times faster. Rotation vectors and angular velocities are
+expressed in the frame in which the orientation is measured (not in the body). References: Ude,
 Nemec, Petric, Morimoto 2014, doi:10.1109/ICRA.2014.6907291; Sola 2017, arXiv:1711.02508.
 """
 
@@ -85,10 +85,10 @@ def log_map(q: npt.ArrayLike) -> Array:
 
 
 def nearest_log(q: npt.ArrayLike, reference: npt.ArrayLike) -> Array:
-    """Returns that rotation vector of q, (3,), which is closest to a reference, (3,).
+    """Returns the rotation vector (3,) of q that is closest to a reference (3,).
 
-    Rotation vectors v and v (1 + 2 pi k / |v|) are the same rotation: this picks the branch, so
-    that a motion that turns by more than half a turn stays continuous.
+    Rotation vectors v and v (1 + 2 pi k / |v|) are the same rotation: this selects the branch, so
+    that a rotation by more than half a turn stays continuous.
     """
     vector = log_map(q)
     angle = math.sqrt(vector.dot(vector))

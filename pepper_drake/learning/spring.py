@@ -11,7 +11,7 @@ the motion runs without a jump of the velocity.
 
 Over a step of time the homogeneous part is multiplied by its matrix exponential. The input u
 enters through its convolution with the impulse response t exp(-w t), by Gauss-Lobatto quadrature
-with four nodes: exact where the linear part is concerned, of sixth order in the input's changes.
+with four nodes: exact in the linear part, of sixth order in the input.
 A step of 20 ms and one of 1 ms therefore give the same motion. The first node is the step's start
 and the last its end, so that a forcing term is evaluated three times a step.
 """
@@ -26,10 +26,10 @@ import numpy.typing as npt
 from pepper_drake.compiled import compiled
 
 Array = npt.NDArray[np.float64]
-Scalar = Any  # A float, or an AutoDiffXd where gradients are asked for.
+Scalar = Any  # A float, or an AutoDiffXd for gradients.
 
 NODES: Array = np.array([0.0, 0.5 - np.sqrt(0.05), 0.5 + np.sqrt(0.05), 1.0])
-"""Gauss-Lobatto nodes in a step of length one; inputs are evaluated there."""
+"""Gauss-Lobatto nodes in a step of length one, where inputs are evaluated."""
 
 _NODE_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 
@@ -48,7 +48,7 @@ class Step(NamedTuple):
 
 def make_step(tau: Scalar, time_step: float, alpha_z: float) -> Step:
     """Returns the matrices of a step of `time_step` [s]; tau [s] may be an AutoDiffXd."""
-    if isinstance(tau, float):  # numpy's too.
+    if isinstance(tau, float):  # Including numpy's.
         return _cached_step(tau, time_step, alpha_z)
     return _make_step(tau, time_step, alpha_z)
 
@@ -76,9 +76,10 @@ def advance(state: Array, goal: Array, inputs: Array, step: Step, time_step: flo
 
     Args:
         state: (..., 2, D) position and velocity.
-        goal: (2, D) position and velocity of the goal at the step's start; it moves in a line.
+        goal: (2, D) position and velocity of the goal at the step's start; it moves at that
+            velocity.
         inputs: (..., 4, D) u / tau² at the step's nodes.
-        step: Of `make_step`.
+        step: From `make_step`.
         time_step: The step's length [s].
     """
     moved = step.transition @ (state - goal) + step.gain @ inputs + goal
@@ -97,12 +98,12 @@ def advance_one(
     time_step: float,
     alpha_z: float,
 ) -> Array:
-    """Returns one state (2, D) after one step, as `make_step` and `advance` do it, in numbers.
+    """Returns one state (2, D) after one step: `make_step` and `advance` as a scalar loop.
 
     Args:
         state: (2, D) position and velocity.
         goal: (2, D) position and velocity of the goal.
-        lag: (D,) how far behind it the spring sees it, fading with the rate w.
+        lag: (D,) of the delayed goal from the goal, decaying at the rate w.
         forcing: (4, D) u at the step's nodes, without coupling.
         coupling: (D,) held over the step.
         tau: [s].
@@ -134,7 +135,7 @@ def advance_all(
     transitions: Array,
     gains: Array,
 ) -> Array:
-    """Returns the states (N + 1, 2, D) of N steps to a goal at rest, each as `advance` does it.
+    """Returns the states (N + 1, 2, D) of N steps of `advance` to a goal at rest.
 
     Args:
         state: (2, D) position and velocity at the start.
@@ -180,9 +181,9 @@ def unforced_response(relative_times: Array, alpha_z: float) -> Array:
 
 
 def forced_response(inputs: Array, step: float, alpha_z: float) -> Array:
-    """Returns the motion from rest at zero that inputs cause, for tau = 1.
+    """Returns the motion that inputs cause from rest at zero, for tau = 1.
 
-    The recursion of `advance` is a linear filter of second order; this runs it over all steps
+    The recursion of `advance` is a linear filter of second order; this applies it to all steps
     and columns at once.
 
     Args:
@@ -201,7 +202,8 @@ def forced_response(inputs: Array, step: float, alpha_z: float) -> Array:
     driven[:, 1:] = added
     driven[0, 2:] += b * added[1, :-1] - d * added[0, :-1]
     driven[1, 2:] += c * added[0, :-1] - a * added[1, :-1]
-    # Imported where it is needed: it brings scipy.stats, half a second at the start of every app.
+    # Imported here: it loads scipy.stats, which would delay the start of every app by half a
+    # second.
     from scipy.signal import lfilter
 
     return lfilter([1.0], [1.0, -(a + d), a * d - b * c], driven, axis=1)
@@ -213,7 +215,7 @@ def node_times(relative_times: Array) -> Array:
 
 
 def forced_response_at(inputs: Array, relative_times: Array, alpha_z: float) -> Array:
-    """Does what `forced_response` does, for steps of different lengths.
+    """Returns the `forced_response` for steps of different lengths.
 
     Args:
         inputs: (M, 4, K) u at `node_times(relative_times)`.

@@ -1,21 +1,21 @@
-"""The scene in which a simulated robot is calibrated: nothing but a marker on its hand."""
+"""The scene in which a simulated robot is calibrated: only a marker on its hand."""
 
 import numpy as np
 
 from pepper_drake.models.scene import GoalObject, HandMarker, Scene
 
 _MISPLACED, _TILTED = 0.003, 0.03
-"""A person puts the marker so well on the hand: in each coordinate [m], about each axis [rad]."""
-_OUT_OF_THE_WAY = [-3.0, 0.0, 0.0]
+"""Largest errors of a marker placed by hand: in each coordinate [m], about each axis [rad]."""
+_REMOTE_GOAL = [-3.0, 0.0, 0.0]
 
 
 def calibration_scene(arm: str, marker: HandMarker, seed: int) -> Scene:
-    """Returns the scene, with the marker as a person puts it on the hand.
+    """Returns the scene, with the marker placed on the hand with random errors.
 
     Args:
         arm: "left" or "right".
-        marker: As it should be on the hand.
-        seed: Of how far off it is put.
+        marker: The marker at its nominal pose on the hand.
+        seed: Seed of the errors.
     """
     rng = np.random.default_rng((seed, 0x4D))
     position = np.array(marker.position) + rng.uniform(-_MISPLACED, _MISPLACED, 3)
@@ -24,7 +24,7 @@ def calibration_scene(arm: str, marker: HandMarker, seed: int) -> Scene:
         name="calibration",
         description="A marker on the hand, and nothing around.",
         arm=arm,
-        goal=GoalObject(position=list(_OUT_OF_THE_WAY)),
+        goal=GoalObject(position=list(_REMOTE_GOAL)),
         hand_marker=HandMarker(marker.id, marker.size, position.tolist(), rpy.tolist()),
     )
     scene.check()

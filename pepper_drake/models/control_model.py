@@ -1,4 +1,4 @@
-"""Pepper as its controllers know it: kinematics without a world."""
+"""Pepper's model for its controllers: kinematics without a scene."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,18 +26,18 @@ from pepper_drake.models.pepper import (
 )
 
 CONTROL_PERIOD = 0.02
-"""Period at which joint commands are made [s]: that at which NAOqi's ALMotion passes them on."""
+"""Period of joint commands [s]: that of NAOqi's ALMotion."""
 
 Vector = npt.NDArray[np.float64]
 
 
 def arm_joints(arm: str) -> tuple[str, ...]:
-    """The five joint names of `arm` ("left" or "right"), shoulder to wrist."""
+    """Returns the five joint names of `arm` ("left" or "right"), shoulder to wrist."""
     return JOINT_GROUPS[f"{arm}_arm"]
 
 
 def body_indices(names: Sequence[str]) -> list[int]:
-    """Indices of joints in a vector over `BODY_JOINTS`."""
+    """Returns the indices of joints in a vector over `BODY_JOINTS`."""
     return [BODY_JOINTS.index(name) for name in names]
 
 
@@ -50,7 +50,7 @@ class LimitArrays(NamedTuple):
         velocity: (n,) [rad/s].
         acceleration: (n,) [rad/s^2].
         pairs: (C, 2) indices of leader and follower.
-        strictest: (C, 2) limits of the follower that hold wherever the leader is [rad].
+        strictest: (C, 2) limits of the follower that are valid for any leader position [rad].
         tables: (C, 3, K) positions of the leader, and the follower's limits there [rad].
     """
 
@@ -72,16 +72,16 @@ class CommandLimits:
     velocity: Vector
     acceleration: Vector
     coupled: tuple[CoupledLimit, ...] = ()
-    """Limits of a joint that depend on where another is, by their indices among these joints."""
+    """Limits of a joint that depend on another's position, by their indices among these joints."""
 
     @cached_property
     def arrays(self) -> LimitArrays:
-        """The same for compiled code."""
+        """Returns the limits for compiled code."""
         coupled = self.coupled
         longest = max((len(one.positions) for one in coupled), default=1)
         tables = np.empty((len(coupled), 3, longest))
         for table, one in zip(tables, coupled, strict=True):
-            # Beyond the last node the limits are constant: it may be there several times.
+            # Beyond the last node the limits are constant, so it can be repeated as padding.
             for row, values in zip(table, (one.positions, one.lower, one.upper), strict=True):
                 row[:] = np.pad(values, (0, longest - len(values)), mode="edge")
         return LimitArrays(
@@ -96,10 +96,10 @@ class CommandLimits:
 
 
 class ControlModel:
-    """Pepper alone, its base at the origin or wherever `set_positions` puts it.
+    """Pepper alone, with its base at the pose given by the positions.
 
-    The model is immutable after construction; all that changes lives in contexts
-    made by `create_context`, so that one model serves many systems and threads.
+    The model is immutable after construction; all state is in contexts made by `create_context`,
+    so that one model serves many systems and threads.
 
     Attributes:
         plant: The finalized plant, 18 positions with v = q-dot.
@@ -124,11 +124,11 @@ class ControlModel:
         self._context: Context = self.plant.CreateDefaultContext()
 
     def create_context(self) -> Context:
-        """A context of the plant, for `set_positions` and the calls on it."""
+        """Returns a new context of the plant."""
         return self._context.Clone()
 
     def make_collision_checker(self) -> SceneGraphCollisionChecker:
-        """Pepper with itself; a checker owns its model, so each has a fresh one."""
+        """Returns a checker for self-collisions; each owns a new model."""
         builder = RobotDiagramBuilder(time_step=0.0)
         model_instance = add_pepper(builder.plant())
         builder.plant().Finalize()
@@ -142,11 +142,11 @@ class ControlModel:
         )
 
     def position_indices(self, names: Sequence[str]) -> list[int]:
-        """Indices of joints in the plant's position vector."""
+        """Returns the indices of joints in the plant's position vector."""
         return [self._joint_index[name] for name in names]
 
     def positions(self, joint_position: Vector, base_pose: Vector) -> Vector:
-        """Plant positions (18,) from `BODY_JOINTS` angles (15,) and the base's x, y, yaw."""
+        """Returns plant positions (18,) from `BODY_JOINTS` angles (15,) and base x, y, yaw."""
         q = np.empty(self._num_positions)
         q[self._body_index] = joint_position
         q[self._base_index] = base_pose
@@ -155,7 +155,7 @@ class ControlModel:
     def pose(
         self, context: Context, frame_name: str, relative_to: str | None = None
     ) -> RigidTransform:
-        """Pose of a frame in another (world when left out), X_RF."""
+        """Returns the pose X_RF of a frame in another (the world if omitted)."""
         frame = self._frame(frame_name)
         if relative_to is None:
             return frame.CalcPoseInWorld(context)
@@ -164,13 +164,13 @@ class ControlModel:
     def command_limits(
         self, names: Sequence[str], *, speed_fraction: float = 1.0, acceleration: float = 10.0
     ) -> CommandLimits:
-        """Limits of the named joints, velocities scaled.
+        """Returns the limits of the named joints, with scaled velocities.
 
         Args:
             names: Joint names.
-            speed_fraction: Share of the rated velocity that may be used.
-            acceleration: The same for each joint, rad/s^2. No source gives one for Pepper; the
-                default is what the shoulder's rated effort gives a stretched arm, halved.
+            speed_fraction: Fraction of the rated velocity that may be used.
+            acceleration: Limit for every joint [rad/s^2]. There is no source for Pepper; the
+                default is half of what the shoulder's rated effort achieves with a stretched arm.
         """
         joints = [self.plant.GetJointByName(name) for name in names]
         return CommandLimits(
@@ -184,5 +184,5 @@ class ControlModel:
 
 @lru_cache(maxsize=1)
 def shared_control_model() -> ControlModel:
-    """The one model that all systems of a process may share: it never changes."""
+    """Returns the immutable model shared by all systems of a process."""
     return ControlModel()

@@ -1,15 +1,15 @@
 """Pepper's description for other programs: a standard URDF, an SRDF and an MJCF.
 
-All are made from one source, the URDF that Drake reads. What Drake's dialect adds becomes what the
-others have: frames are links on fixed joints, capsules of a URDF are the cylinders around them, and
-the shapes drawn are those of the head's cameras, which are boxes and cylinders only.
+All are generated from one source, the URDF that Drake reads. Drake's extensions are converted:
+frames become links on fixed joints, capsules become their enclosing cylinders in a URDF, and visual
+shapes are those seen by the head's cameras, which are boxes and cylinders only.
 
-The links Hip and Pelvis have the origins that NAOqi and ROS give them, on the upper of their two
-joints. As the tree is rooted at the floor, the lower joint carries a link without mass before them.
+The links Hip and Pelvis have their origins of NAOqi and ROS, on the upper of their two joints. As
+the tree is rooted at the floor, the lower joint carries a massless link before them.
 
-The fingers, which the source leaves out, are there: each hand has the joint RHand or LHand, from 0,
-closed, to 1, open, and its phalanges mimic it. The shape that collides is the half-open
-hand's, on the wrist, whatever the opening.
+The fingers, which the source omits, are added: each hand has the joint RHand or LHand, from 0,
+closed, to 1, open, and its phalanges mimic it. The collision shape is that of the half-open hand,
+on the wrist, whatever the opening.
 """
 
 import copy
@@ -29,12 +29,12 @@ LINK_SHIFTS = {
     "Pelvis": ("KneePitch", "knee_pitch", 0.268),
     "Hip": ("HipPitch", "hip_pitch", 0.079),
 }
-"""Links whose origin is moved up: the joint below, the link without mass on it, the height [m]."""
+"""Links whose origin is moved up: the joint below, the massless link on it, the height [m]."""
 
 _FINGER_MASS, _FINGER_INERTIA = 2e-6, 1.1e-9
 """Mass [kg] and inertia [kg m^2] of a phalanx: placeholders, as in ROS' description."""
 _FINGER_ARMATURE = 1e-5
-"""Inertia of a phalanx's joint, so that MuJoCo's steps stay sound [kg m^2]; assumed."""
+"""Armature of a phalanx's joint for numerical stability in MuJoCo [kg m^2]; assumed."""
 
 NOTE = " Made from pepper.urdf by `pepper-drake describe`: do not edit. "
 
@@ -54,7 +54,7 @@ def _xyz(element: ET.Element) -> list[float]:
 
 
 def _shift(element: ET.Element, height: float) -> None:
-    """Moves an element's origin down, because its link's origin was moved up by `height` [m]."""
+    """Moves an element's origin down, as its link's origin was moved up by `height` [m]."""
     x, y, z = _xyz(element)
     origin = element.find("origin")
     if origin is None:
@@ -72,7 +72,7 @@ def _fixed_link(robot: ET.Element, name: str, parent: str, xyz: str, rpy: str) -
 
 
 def _standard_tree(*, keep_capsules: bool = False) -> ET.Element:
-    """The source without Drake's dialect, except capsules where they are to be kept."""
+    """Returns the source without Drake's extensions, except capsules if they are kept."""
     robot = copy.deepcopy(_source())
     for group in robot.findall(f"{DRAKE}collision_filter_group"):
         robot.remove(group)
@@ -107,7 +107,7 @@ def _standard_tree(*, keep_capsules: bool = False) -> ET.Element:
             if joint.get("name") == joint_name:
                 below.set("link", carrier)
         _fixed_link(robot, f"{name}_origin", carrier, f"0 0 {height}", "0 0 0")
-        # The fixed joint ends at the link itself, not at a frame of its own.
+        # The fixed joint's child is the link itself instead of the new one.
         robot.remove(robot.findall("link")[-1])
         end = robot.findall("joint")[-1].find("child")
         assert end is not None
@@ -130,7 +130,7 @@ def _standard_tree(*, keep_capsules: bool = False) -> ET.Element:
 def _add_link(
     robot: ET.Element, name: str, joint: dict[str, str], xyz: str, rpy: str
 ) -> ET.Element:
-    """Adds a link of no weight to speak of on a joint, and returns the joint."""
+    """Adds a link of negligible mass on a joint, and returns the joint."""
     link = ET.SubElement(robot, "link", name=name)
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "mass", value=f"{_FINGER_MASS:.9g}")
@@ -147,7 +147,7 @@ def _add_link(
 
 
 def _add_fingers(robot: ET.Element) -> None:
-    """Puts both hands' fingers in the place of the half-open ones that are drawn on the wrists."""
+    """Replaces the half-open fingers drawn on the wrists by articulated ones."""
     for hand in HANDS:
         side = hand[0].lower()
         wrist = robot.find(f"link[@name='{side}_wrist']")
@@ -155,7 +155,7 @@ def _add_fingers(robot: ET.Element) -> None:
         for visual in wrist.findall("visual"):
             if visual.get("name", "").startswith(("finger", "thumb")):
                 wrist.remove(visual)
-        # ROS' gripper, which turns about its own x and carries nothing.
+        # ROS' gripper link, which turns about its own x and has no children.
         gripper = {"name": hand, "parent": f"{side}_wrist", "axis": "1 0 0", "upper": "1"}
         _add_link(robot, f"{side}_gripper", gripper, "0.025 0 0", "0 0 0")
         for part in phalanges(hand):
@@ -174,7 +174,7 @@ def _add_fingers(robot: ET.Element) -> None:
             size = {"radius": f"{FINGER_RADIUS:.9g}", "length": f"{part.length:.9g}"}
             ET.SubElement(geometry, "cylinder", size)
             ET.SubElement(visual, "material", name="gray")
-        # The weight of all is the source's.
+        # The total mass remains the source's.
         mass = wrist.find("inertial/mass")
         assert mass is not None
         weight = float(mass.get("value", "")) - (len(phalanges(hand)) + 1) * _FINGER_MASS
@@ -195,7 +195,7 @@ def shaped_links() -> tuple[str, ...]:
 def disabled_collisions() -> tuple[tuple[str, str, str], ...]:
     """Returns the pairs of links that are not checked against each other, each with its reason.
 
-    They are the pairs that a joint joins, also by way of a link without shapes, and those of the
+    They are pairs connected by a joint, possibly through links without shapes, and those of the
     source's collision filter groups, which overlap by construction.
     """
     robot = _source()
@@ -252,7 +252,7 @@ def srdf() -> str:
 
 
 def _geom(shape: ET.Element, role: str) -> ET.Element:
-    """One MJCF geom of a URDF collision or visual; a visual touches nothing and weighs nothing."""
+    """Converts a URDF collision or visual to an MJCF geom; visuals have no contact and no mass."""
     geometry = shape.find("geometry")
     assert geometry is not None
     (form,) = geometry
@@ -314,7 +314,7 @@ def _body(
 
 
 def _armatures() -> dict[str, float]:
-    """Each joint's rotor inertia as its joint feels it: gear ratio squared times it [kg m^2]."""
+    """Returns each joint's reflected rotor inertia: gear ratio squared times it [kg m^2]."""
     found = {}
     for transmission in _source().findall("transmission"):
         joint = transmission.find("joint")
@@ -329,7 +329,7 @@ def _armatures() -> dict[str, float]:
 
 
 def mjcf() -> str:
-    """Returns Pepper as MuJoCo's XML: real capsules, torque motors, its links as bodies."""
+    """Returns Pepper as MuJoCo XML, with capsules and torque motors."""
     robot = _standard_tree(keep_capsules=True)
     fingers = [part.joint for hand in HANDS for part in phalanges(hand)]
     armatures = dict.fromkeys((*HANDS, *fingers), _FINGER_ARMATURE) | _armatures()

@@ -1,4 +1,4 @@
-"""Guide scripts: how a hand is led through via points, as typed YAML files."""
+"""Guide scripts: a hand is guided through via points; typed YAML files."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,21 +18,21 @@ GUIDES = ("reach",)
 
 @dataclass
 class ViaPoint:
-    """A pose of the hand's control frame in the torso frame, and when it is passed."""
+    """A pose of the hand's control frame in the torso frame, and its time."""
 
     time: float = 0.0  # From the motion's start [s].
     position: list[float] = field(default_factory=list)  # p_TH [m].
     rpy: list[float] = field(default_factory=list)  # R_TH as roll, pitch, yaw [rad].
 
     def mirror(self) -> None:
-        """Mirrors the pose at the x-z plane."""
+        """Mirrors the pose in the x-z plane."""
         self.position[1] *= -1
         self.rpy[0::2] = [-angle for angle in self.rpy[0::2]]
 
 
 @dataclass
 class GuideScript(TeachingScript):
-    """A motion of the hand, from where the posture has it through via points to rest."""
+    """A motion of the hand from its position in the posture through via points to rest."""
 
     via_points: list[ViaPoint] = field(default_factory=list)
 
@@ -50,7 +50,7 @@ class GuideScript(TeachingScript):
 
 
 def check_via_points(via_points: list[ViaPoint]) -> None:
-    """Raises InputError, naming the field `via_points`, if they make no path."""
+    """Raises InputError, naming the field `via_points`, if they do not form a path."""
     if len(via_points) < 2:
         raise InputError(f"via_points holds {len(via_points)}; it needs at least two")
     previous = 0.0

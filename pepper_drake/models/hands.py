@@ -1,10 +1,10 @@
 """Pepper's hands: one motor each opens and closes all fingers.
 
-A hand's opening runs from 0, closed, to 1, open, as NAOqi's joints RHand and LHand have it. In the
-plant the fingers are no bodies of their own: 28 phalanges of a few grams would make each step of
-the physics dearer and change nothing else. There the wrist's shapes cover the hand up to half
-open, `RELAXED`, and tasks move the arm with no hand more open than that: the fingers of an open one
-stick out by 24 mm. The opening itself is a quantity beside the plant, which the `HandMotors` move.
+A hand's opening runs from 0, closed, to 1, open, as for NAOqi's joints RHand and LHand. In the
+plant the fingers are not separate bodies: 28 phalanges of a few grams would only slow the
+simulation down. The wrist's shapes cover the hand up to half open, `RELAXED`, and tasks never move
+the arm with a hand more open than that: the fingers of an open one protrude by 24 mm. The opening
+itself is simulated outside the plant, by `HandMotors`.
 """
 
 import math
@@ -15,17 +15,17 @@ from pepper_drake.naoqi.constants import HANDS
 CLOSED, RELAXED, OPEN = 0.0, 0.5, 1.0
 
 HAND_SPEED = 1.5
-"""Rate at which a hand opens and closes, whole ways a second [1/s]; assumed."""
+"""Rate at which a hand opens and closes, full strokes per second [1/s]; assumed."""
 
 FINGER_RADIUS = 0.007
 """Radius of the fingers [m]."""
 
 FINGER_RANGE = 0.872665
-"""Angle between two phalanges of the open hand beside that of the closed one [rad]."""
+"""Change of the angle between two phalanges from closed to open [rad]."""
 
 _BEND = -math.pi / 3
 _TIP = 0.014
-"""Length of each finger's last phalanx [m]: the open hand is then as long as ROS' meshes are."""
+"""Length of each finger's last phalanx [m]: makes the open hand as long as ROS' meshes."""
 
 
 def hand_joint(arm: str) -> str:
@@ -35,13 +35,13 @@ def hand_joint(arm: str) -> str:
 
 @dataclass(frozen=True)
 class Phalanx:
-    """One link of a finger, on a joint about its own z that turns with the hand.
+    """One link of a finger, on a joint about its own z that mimics the hand's joint.
 
     Attributes:
-        joint: Name of its joint. It sorts after the hand's, which RoboPlan and Pinocchio want to
-            know before the joints that mimic it.
+        joint: Name of its joint. It sorts after the hand's, which RoboPlan and Pinocchio need
+            before the joints that mimic it.
         link: Its name, as in ROS.
-        parent: Link that it is on.
+        parent: Name of its parent link.
         xyz: Position of the joint in the parent's frame [m].
         rpy: Its orientation there with the hand closed [rad].
         length: From the joint to the next, or to the finger's tip, along x [m].
@@ -55,7 +55,7 @@ class Phalanx:
     length: float
 
 
-# Joints of the right hand's first phalanges on the wrist, by ROS' description of Pepper 1.0.
+# Joints of the first phalanges on the wrist, from ROS' description of Pepper 1.0.
 _RIGHT_ROOTS = {
     "Finger1": ((0.0821, 0.0268, 0.004), (1.39757, 1.04064, 0.0334335)),
     "Finger2": ((0.0873, 0.0073, 0.006), (1.5708, 1.0472, 0.061086)),
@@ -73,7 +73,7 @@ _LEFT_ROOTS = {
 
 
 def phalanges(hand: str) -> tuple[Phalanx, ...]:
-    """Returns the 14 links of a hand's fingers, each after the one that it is on.
+    """Returns the 14 links of a hand's fingers, each after its parent.
 
     Args:
         hand: "LHand" or "RHand".

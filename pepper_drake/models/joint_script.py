@@ -1,4 +1,4 @@
-"""Joint scripts: an arm's joints dragged one by one, as typed YAML files."""
+"""Joint scripts: an arm's joints are dragged one by one; typed YAML files."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -15,10 +15,10 @@ JOINT_SCRIPTS = ("joints",)
 
 @dataclass
 class JointMove:
-    """One joint is dragged to an angle, smoothly, while the others are held."""
+    """One joint is dragged smoothly to an angle while the others are held."""
 
     joint: str = ""
-    angle: float = 0.0  # Where it ends [rad].
+    angle: float = 0.0  # Final angle [rad].
     duration: float = 1.0  # [s].
 
 
@@ -27,7 +27,7 @@ class JointScript(TeachingScript):
     """A motion of the arm: its joints dragged one after the other."""
 
     moves: list[JointMove] = field(default_factory=list)
-    pause: float = 0.0  # Between two moves, while the person takes hold of another joint [s].
+    pause: float = 0.0  # Time between two moves, for the person to grasp another joint [s].
 
     def check(self) -> None:
         """Raises InputError, in one sentence that names the field, if it makes no sense."""

@@ -1,4 +1,4 @@
-"""Marker scripts: how a person moves a marker before the robot's eyes, as typed YAML files."""
+"""Marker scripts: a person moves a marker in front of the robot; typed YAML files."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,23 +23,23 @@ MARKER_SCRIPTS = ("marker",)
 CAMERAS = ("top", "bottom")
 
 FACING = RollPitchYaw(np.pi / 2, 0.0, -np.pi / 2).ToRotationMatrix()
-"""R_TM of a marker that is held upright and faces the robot: x to its left, y up, z to it."""
+"""R_TM of an upright marker that faces the robot: x to the robot's left, y up, z towards it."""
 
 
 @dataclass
 class MarkerScript(TeachingScript):
     """A person opposite the robot moves a marker, which is seen by a camera of the head.
 
-    The map from the person's workspace to the arm's is stated, not guessed: see `WorkspaceMap`.
+    The map from the person's workspace to the arm's is explicit: see `WorkspaceMap`.
     """
 
-    camera: str = "top"  # The head's camera that looks.
-    period: float = 0.1  # Between two images [s].
+    camera: str = "top"  # The head's camera that is used.
+    period: float = 0.1  # Time between two images [s].
     marker_id: int = 11  # In DICT_4X4_50.
     marker_size: float = 0.08  # Edge of the black square [m].
-    scale: float = 0.6  # Of the arm's motion to the person's: the ratio of their arms' lengths.
+    scale: float = 0.6  # Ratio of the arm's motion to the person's: that of their arm lengths.
     yaw: float = np.pi  # From the person's axes to the robot's, about z [rad]; pi: face to face.
-    # The marker's way: its middle in T [m], and how it is turned from facing the robot.
+    # The marker's trajectory: its centre in T [m], and its rotation from facing the robot.
     path: list[ViaPoint] = field(default_factory=list)
 
     def check(self) -> None:
@@ -72,7 +72,7 @@ class MarkerScript(TeachingScript):
                 check_duration(f"path[{index}].time", gap, whole=via.time)
 
     def poses(self) -> tuple[list[float], list[RigidTransform]]:
-        """Returns the times [s], the rest at the start included, and the poses X_TM."""
+        """Returns the times [s], including the rest at the start, and the poses X_TM."""
         times = [self.rest + via.time for via in self.path]
         poses = [
             RigidTransform(

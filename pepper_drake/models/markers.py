@@ -1,4 +1,4 @@
-"""ArUco markers as meshes with a texture, for the VTK renderer and for meshcat."""
+"""ArUco markers as textured meshes, for the VTK renderer and for meshcat."""
 
 import cv2
 from pydrake.common import MemoryFile
@@ -6,7 +6,7 @@ from pydrake.geometry import InMemoryMesh, Mesh
 
 DICTIONARY = cv2.aruco.DICT_4X4_50
 _MODULES = 6
-"""Width of the black square in modules: four of the code and its border."""
+"""Width of the black square in modules: four code modules and the border."""
 _PIXELS_PER_MODULE = 40
 
 _OBJ = """mtllib marker.mtl
@@ -31,7 +31,7 @@ map_Kd marker.png
 
 
 def plate_size(size: float) -> float:
-    """Returns the edge [m] of the white plate of a marker: one module wider on every side."""
+    """Returns the edge [m] of a marker's white plate: one module wider on every side."""
     return size * (_MODULES + 2) / _MODULES
 
 
@@ -46,13 +46,13 @@ def marker_png(marker_id: int) -> bytes:
 
 
 def marker_mesh(marker_id: int, size: float) -> Mesh:
-    """Returns a marker as a flat textured mesh that needs no files.
+    """Returns a marker as an in-memory flat textured mesh.
 
-    Its frame is the marker's: x right, y up, z out of the face, origin in the middle.
+    Its frame is the marker's: x right, y up, z out of the face, origin at the centre.
 
     Args:
         marker_id: The id in DICT_4X4_50.
-        size: The edge of the black square [m]; the white quiet zone comes on top.
+        size: The edge of the black square without the white quiet zone [m].
     """
     return Mesh(
         mesh_data=InMemoryMesh(

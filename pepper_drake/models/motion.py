@@ -11,10 +11,10 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
 
 LONGEST = 600.0
-"""No path or script takes longer [s]."""
+"""Longest duration of a path or script [s]."""
 
 FARTHEST = 100.0
-"""Nothing is moved or put farther away than this [m]."""
+"""Largest coordinate of positions and offsets [m]."""
 
 _SHORTEST = 1e-3
 _MOST_ROWS = 5_000
@@ -76,18 +76,18 @@ def goal_motion(
     start: float = 0.0,
     duration: float = 1.5,
 ) -> list[list[float]]:
-    """Returns the path of a goal object that moves once, straight.
+    """Returns the path of a goal object that makes one straight motion.
 
     Args:
         direction: "up", "aside" (to the side of the reaching arm, where it can follow) or "away"
             (from the robot), as seen by a robot that faces the world's +x.
         arm: "left" or "right".
-        distance: How far [m].
-        start: When it begins [s].
-        duration: How long it takes [s].
+        distance: Length of the motion [m].
+        start: Start time [s].
+        duration: Duration [s].
 
     Returns:
-        Rows of (time, x, y, z), world frame, offsets from where the object stands.
+        Rows of (time, x, y, z), offsets from the object's initial position in the world frame.
 
     Raises:
         InputError: If the direction is unknown or a number makes no sense.
@@ -111,7 +111,7 @@ def load_path(file: Path) -> list[list[float]]:
     """Loads a path from a text file: rows of time x y z, `#` starts a comment.
 
     Raises:
-        InputError: If the file is missing or a row is wrong; the sentence names file and line.
+        InputError: If the file is missing or a row is wrong; the message names file and line.
     """
     lines = read_text(file, _FILE_LIMIT).splitlines()
     rows: list[list[float]] = []

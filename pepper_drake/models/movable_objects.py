@@ -1,4 +1,4 @@
-"""Scenes whose objects can be moved while they are simulated."""
+"""Scenes whose objects can be moved during the simulation."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -6,8 +6,8 @@ from dataclasses import replace
 from pepper_drake.errors import InputError
 from pepper_drake.models.scene import Obstacle, Scene
 
-_STAYS = [[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
-"""A path of nowhere: it puts an object on rails, and a port moves it."""
+_ZERO_PATH = [[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
+"""A path without motion: it gives an object prismatic joints, which a port then moves."""
 
 _SPARES = (
     Obstacle("spare_ball", "sphere", [0.045], color=[0.20, 0.55, 0.35, 1.0]),
@@ -19,14 +19,14 @@ SPARES = tuple(spare.name for spare in _SPARES)
 
 
 def with_movable_objects(scene: Scene, names: Collection[str] = ()) -> Scene:
-    """Returns the scene with the goal object and some obstacles on rails.
+    """Returns the scene with the goal object and some obstacles movable.
 
     Args:
-        scene: As it is; what has a path in it can be moved in any case.
-        names: Obstacles that can be moved besides.
+        scene: The scene; obstacles with a path become movable in any case.
+        names: Further obstacles to make movable.
 
     Raises:
-        InputError: There is no obstacle of such a name.
+        InputError: The scene has no obstacle of that name.
     """
     known = [obstacle.name for obstacle in scene.obstacles]
     for name in names:
@@ -35,19 +35,19 @@ def with_movable_objects(scene: Scene, names: Collection[str] = ()) -> Scene:
                 f'there is no obstacle "{name}" in the scene; it has {", ".join(known) or "none"}'
             )
     obstacles = [
-        replace(o, path=_STAYS) if o.path or o.name in names else o for o in scene.obstacles
+        replace(o, path=_ZERO_PATH) if o.path or o.name in names else o for o in scene.obstacles
     ]
-    return replace(scene, goal=replace(scene.goal, path=_STAYS), obstacles=obstacles)
+    return replace(scene, goal=replace(scene.goal, path=_ZERO_PATH), obstacles=obstacles)
 
 
 def with_spare_obstacles(scene: Scene) -> Scene:
-    """Returns the scene with some obstacles more, on rails, out of sight below the floor.
+    """Returns the scene with additional movable obstacles, hidden below the floor.
 
-    A plant takes no bodies once it is made: what a person adds to the scene comes from there.
+    Bodies cannot be added to a finalized plant: obstacles added by a person are taken from these.
     """
     taken = {obstacle.name for obstacle in scene.obstacles}
     spares = [
-        replace(spare, position=[-1.0, 0.4 * index, -1.0], path=_STAYS)
+        replace(spare, position=[-1.0, 0.4 * index, -1.0], path=_ZERO_PATH)
         for index, spare in enumerate(_SPARES)
         if spare.name not in taken
     ]

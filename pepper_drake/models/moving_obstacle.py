@@ -1,10 +1,10 @@
-"""Something that moves over a scene's table while Pepper reaches: an arm, a ball, a bottle.
+"""An obstacle that moves over a scene's table while Pepper reaches: an arm, a ball, a bottle.
 
-It comes near the place where Pepper's arm is to end, at up to 0.3 m/s. In half of the scenes it
-passes beside that place; in the others a person's arm reaches into it, so early that Pepper's is
-not there yet, and withdraws, so that who waits can reach. Nobody could be asked to avoid what runs
-over the robot's body, or comes to where the arm already is; so it stays over the table, and comes
-early. Whether there is a way, or time to wait, is not its business.
+It comes near the arm's pose at the goal, at up to 0.3 m/s. In half of the scenes it passes beside
+that place; in the others a person's arm reaches into it, before Pepper's arrives, and withdraws, so
+that a waiting robot can reach. As no robot could avoid an obstacle that runs over its body or into
+its arm, it stays over the table and comes early. Whether a path or time to wait exists is not
+checked.
 """
 
 import numpy as np
@@ -18,34 +18,34 @@ from pepper_drake.models.shapes import distances
 Array = npt.NDArray[np.float64]
 
 FASTEST = 0.3
-"""[m/s]"""
+"""Largest speed [m/s]."""
 
 _KINDS = ("person_arm", "rolling_ball", "rolling_bottle")
 _SKIN = [0.87, 0.67, 0.55, 1.0]
 _ARM = 0.5
 _BOTTLE = 0.2
-"""Their lengths [m]; of the arm, without its round ends."""
+"""Their lengths [m]; the arm's without its round ends."""
 _LIFT = 0.001
-"""Between what rolls and the table [m]."""
+"""Gap between a rolling object and the table [m]."""
 _GAP = 0.015
-"""Least distance to what stands on the table [m]."""
+"""Smallest distance to objects on the table [m]."""
 _FREE = 0.11
-"""Radius [m] kept free for the arm around the hand's goal and the forearm behind it."""
+"""Radius of the space reserved for the arm, around the hand's goal and the forearm [m]."""
 _FOREARM = 0.22
 _FARTHEST = 0.10
-"""It comes at least so near to what is left to the arm [m]."""
+"""Largest distance at which it passes the reserved space [m]."""
 _EARLY = 1.6
-"""No arm is at its goal before that [s]."""
+"""Earliest time at which an arm arrives at its goal [s]."""
 _MAX_TRIES = 1000
-"""For each kind of thing."""
+"""Number of draws for each kind of object."""
 
 
 def moving_obstacle(scene: Scene, rng: np.random.Generator) -> Obstacle:
     """Draws an obstacle with a path that fits into a random scene.
 
     Args:
-        scene: A table, things on it and a goal; its robot faces the table's edge along +x.
-        rng: What draws.
+        scene: A table with objects and a goal; its robot faces the table's edge along +x.
+        rng: Random number generator.
 
     Returns:
         The obstacle; the times of its path count from when the arm starts.
@@ -59,7 +59,7 @@ def moving_obstacle(scene: Scene, rng: np.random.Generator) -> Obstacle:
     for kind, into in plans:
         for _ in range(_MAX_TRIES):
             obstacle = _draw(kind, scene, rng, into=into)
-            times, poses = _there(obstacle)
+            times, poses = _outward_motion(obstacle)
             axis = _axis(obstacle, poses)
             if not _over_table(obstacle, axis, top):
                 continue
@@ -71,12 +71,12 @@ def moving_obstacle(scene: Scene, rng: np.random.Generator) -> Obstacle:
 
 
 def _passes_by(gaps: Array) -> bool:
-    """True if it comes near to the space kept for the arm, but not into it."""
+    """True if the obstacle comes near the space reserved for the arm, but not into it."""
     return bool(0.0 <= gaps.min() <= _FARTHEST)
 
 
 def _reaches_into(times: Array, gaps: Array) -> bool:
-    """True if it starts outside the space kept for the arm, and comes well into it, early."""
+    """True if the obstacle starts outside the reserved space and soon comes well into it."""
     return bool(
         gaps[0] >= _FARTHEST / 2
         and gaps.min() <= -_FREE / 2
@@ -85,29 +85,29 @@ def _reaches_into(times: Array, gaps: Array) -> bool:
 
 
 def _arm_at_goal(scene: Scene) -> tuple[Array, Array]:
-    """The hand at its goal, and the forearm's other end, in the world [m]."""
+    """Returns the hand's goal position, and the elbow end of the forearm, in W [m]."""
     hand = (scene.goal.pose() @ scene.pre_grasp()).translation()
     side = 1.0 if scene.arm == "left" else -1.0
-    # The elbow is nearer to the robot, and on the arm's side.
+    # The elbow is closer to the robot, on the arm's side.
     return hand, hand + _FOREARM * np.array([-1.0, 0.4 * side, 0.0]) / np.hypot(1.0, 0.4)
 
 
 def _axis(obstacle: Obstacle, poses: list[RigidTransform]) -> Array:
-    """Points (N, 7, 3) on its axis along its way; a ball's are all its centre."""
+    """Returns points (N, 7, 3) on its axis at N poses; a ball's are all its centre."""
     half = obstacle.size[1] / 2 if len(obstacle.size) > 1 else 0.0
     along = np.linspace([0.0, 0.0, -half], [0.0, 0.0, half], 7)
     return np.array([along @ X.rotation().matrix().T + X.translation() for X in poses])
 
 
 def _distances(points: Array, one: Array, other: Array) -> Array:
-    """The least distances (N,) of points (N, M, 3) to the line between two others [m]."""
+    """Returns the smallest distances (N,) of points (N, M, 3) to the segment of two others [m]."""
     line = other - one
     share = np.clip((points - one) @ line / (line @ line), 0.0, 1.0)
     return np.linalg.norm(points - one - share[..., None] * line, axis=-1).min(axis=1)
 
 
 def _draw(kind: str, scene: Scene, rng: np.random.Generator, *, into: bool) -> Obstacle:
-    """Draws a thing and its way."""
+    """Draws an obstacle and its path."""
     height = scene.goal.position[2]
     heading = float(rng.uniform(-np.pi, np.pi))
     along = np.array([np.cos(heading), np.sin(heading)])
@@ -123,16 +123,16 @@ def _draw(kind: str, scene: Scene, rng: np.random.Generator, *, into: bool) -> O
         obstacle.shape, obstacle.size, obstacle.color = "capsule", [radius, _ARM], list(_SKIN)
         obstacle.rpy = [0.0, np.pi / 2, heading]
         z = height + radius + float(rng.uniform(0.01, 0.20))
-        start -= along * _ARM / 2  # Its fingers come to the end of the way; the rest is behind.
+        start -= along * _ARM / 2  # The fingertips, not the centre, reach the end of the path.
     elif kind == "rolling_ball":
         obstacle.shape, obstacle.size = "sphere", [radius]
     else:
         obstacle.shape, obstacle.size = "cylinder", [radius, _BOTTLE]
-        obstacle.rpy = [0.0, np.pi / 2, heading + np.pi / 2]  # It lies across its way.
+        obstacle.rpy = [0.0, np.pi / 2, heading + np.pi / 2]  # Its axis is across the path.
     obstacle.size = [round(float(v), 4) for v in obstacle.size]
     obstacle.rpy = [round(float(v), 4) for v in obstacle.rpy]
     obstacle.position = [round(float(v), 4) for v in (*start, z)]
-    # A smooth step is one and a half times as fast in its middle as on average.
+    # The peak speed of a smooth step is 1.5 times its average.
     duration = 1.5 * distance / float(rng.uniform(0.15, FASTEST))
     begin = float(rng.uniform(0.0, 0.4 if into else 1.5))
     there = [round(float(v), 4) for v in (*along * distance, 0.0)]
@@ -144,8 +144,8 @@ def _draw(kind: str, scene: Scene, rng: np.random.Generator, *, into: bool) -> O
     return obstacle
 
 
-def _there(obstacle: Obstacle, count: int = 16) -> tuple[Array, list[RigidTransform]]:
-    """Times (N,) [s] and poses on its straight way there; how it comes back is the same."""
+def _outward_motion(obstacle: Obstacle, count: int = 16) -> tuple[Array, list[RigidTransform]]:
+    """Returns times (N,) [s] and poses of its straight motion there; it returns the same way."""
     X, (begin, *_), (end, *offset) = obstacle.pose(), *obstacle.path[:2]
     share = np.linspace(0.0, 1.0, count)
     smooth = share**2 * (3.0 - 2.0 * share)
@@ -154,7 +154,7 @@ def _there(obstacle: Obstacle, count: int = 16) -> tuple[Array, list[RigidTransf
 
 
 def _over_table(obstacle: Obstacle, axis: Array, top: Obstacle) -> bool:
-    """True if it stays beyond the table's edge, and on the table if it rolls."""
+    """Tells whether it stays beyond the table's edge, and on the table if it rolls."""
     radius = obstacle.size[0]
     low = np.array(top.position[:2]) - np.array(top.size[:2]) / 2 + radius
     high = np.array(top.position[:2]) + np.array(top.size[:2]) / 2 - radius

@@ -1,4 +1,4 @@
-"""Meshes in Wavefront OBJ files, checked before anything renders them or takes their hull."""
+"""Checks meshes in Wavefront OBJ files before they are used."""
 
 import math
 from functools import lru_cache
@@ -18,7 +18,7 @@ _MOST_VERTICES = 200_000
 _LARGEST = 1e4
 """Largest coordinate, in the file's unit."""
 _THINNEST = 1e-4
-"""A hull whose volume is less than this share of a cube's with its extent is flat."""
+"""Volume of a hull, relative to a cube of its extent, below which it is flat."""
 _IGNORED = ("o", "g", "s", "usemtl")
 _TEXTURES = {".png": b"\x89PNG\r\n\x1a\n", ".jpg": b"\xff\xd8\xff", ".jpeg": b"\xff\xd8\xff"}
 
@@ -26,14 +26,14 @@ Array = npt.NDArray[np.float64]
 
 
 def check_obj(path: Path) -> None:
-    """Checks a mesh, and the material and texture files that it names.
+    """Checks a mesh and its material and texture files.
 
     Args:
         path: The OBJ file.
 
     Raises:
-        InputError: With file and line: a statement cannot be read, a face has a corner that there
-            is not, the mesh has no volume, or it names a file that is not in its own folder.
+        InputError: With file and line: a statement cannot be read, a face has an undefined corner,
+            the mesh has no volume, or it refers to a file outside its folder.
     """
     try:
         status = path.stat()
@@ -44,7 +44,7 @@ def check_obj(path: Path) -> None:
 
 @lru_cache(maxsize=64)
 def _check(path: Path, changed: int, size: int) -> None:
-    del changed, size  # They tell whether it is still the same file.
+    del changed, size  # Only part of the cache key: they change with the file.
     vertices: list[tuple[float, ...]] = []
     counts = {"v": 0, "vt": 0, "vn": 0}
     faces = 0
@@ -55,7 +55,7 @@ def _check(path: Path, changed: int, size: int) -> None:
             continue
         where = f"{path} line {number}"
         if not content.rstrip("\r").replace("\t", " ").isprintable():
-            # To Python some of these are spaces; to what reads the mesh after us they are not.
+            # Python takes some of these for spaces; other readers of the mesh do not.
             raise InputError(f"{where}: has control characters or spaces of another kind")
         kind, values = words[0], words[1:]
         if kind in counts:
@@ -129,7 +129,7 @@ def _index(text: str) -> int | None:
 
 
 def _check_materials(mesh: Path, name: str, where: str) -> None:
-    """Checks that materials and their textures are files in the mesh's folder."""
+    """Checks that materials and their textures are inside the mesh's folder."""
     try:
         path = path_inside(mesh.parent, name)
         if path.suffix != ".mtl":
@@ -153,7 +153,7 @@ def _check_volume(vertices: Array, path: Path) -> None:
     extent = float(np.ptp(vertices, axis=0).max())
     volume = 0.0
     if extent > 0.0:
-        # Players of runs load no meshes, and do not wait for scipy.
+        # Imported here, as playback loads no meshes and need not wait for scipy.
         from scipy.spatial import ConvexHull, QhullError
 
         try:

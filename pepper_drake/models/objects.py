@@ -1,4 +1,4 @@
-"""A scene's obstacles and goal object in a MultibodyPlant."""
+"""Adds a scene's obstacles and goal object to a MultibodyPlant."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,14 +34,14 @@ from pepper_drake.short_repr import short_repr
 GOAL_OBJECT = "goal_object"
 """Name of the goal object's body, whose frame is O."""
 SOLID = "solid"
-"""Name of the one shape of an obstacle that touches others."""
+"""Name of an obstacle's collision shape."""
 
 _PLATE_THICKNESS = 0.003
 _FRICTION = CoulombFriction(0.6, 0.5)
-# What stands on a table touches it; friction must not hold back what moves along a path.
+# Objects on a table touch it; friction must not impede those that move along a path.
 _SLIPPERY = CoulombFriction(0.0, 0.0)
 _MASS = 0.3
-# Stiff enough to lag a path by no more than one plant step: they move, they are not pushed.
+# Stiff enough to lag a path by at most one plant step, and not to be pushed away.
 _GAINS = PdControllerGains(p=2.0e4, d=2.0e2)
 _FLOOR_SIZE = 8.0
 _FLOOR_COLOR = (0.74, 0.72, 0.69, 1.0)
@@ -51,13 +51,13 @@ _FLOOR_COLOR = (0.74, 0.72, 0.69, 1.0)
 class MovingObject:
     """A body on three prismatic joints NAME_x, NAME_y, NAME_z along the world's axes.
 
-    Their positions are its offset from where it stands in the scene.
+    Their positions are its offset from its position in the scene.
     """
 
     name: str
     model: ModelInstanceIndex
     path: PiecewisePolynomial
-    """The offset [m] over time [s]; its first derivative belongs to the desired state, too."""
+    """The offset [m] over time [s]; its first derivative is part of the desired state, too."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,13 @@ class SceneModels:
     """Models that `add_scene` added to the plant."""
 
     obstacles: tuple[str, ...]
-    """Body names of all obstacles; the floor is not one of them."""
+    """Body names of all obstacles, without the floor."""
     obstacle_models: tuple[ModelInstanceIndex, ...]
-    """Model instances that hold obstacles only."""
+    """Model instances that contain only obstacles."""
     goal_object: str
     goal_model: ModelInstanceIndex | None
     moving: tuple[MovingObject, ...]
-    """Models that need a desired state, on `plant.get_desired_state_input_port(moving.model)`."""
+    """Models that need a desired state at `plant.get_desired_state_input_port(moving.model)`."""
 
     __repr__ = short_repr
 
@@ -82,12 +82,12 @@ NO_SCENE = SceneModels((), (), "", None, ())
 def add_scene(plant: MultibodyPlant, scene: Scene) -> SceneModels:
     """Adds a scene's floor, obstacles and goal object to a plant that is not finalized yet.
 
-    What has a path gets stiff PD gains on three prismatic joints; all else is fixed to the world.
-    A marker on the hand is seen and touches nothing.
+    Objects with a path get stiff PD gains on three prismatic joints; the others are welded to the
+    world. A marker on the hand has no collision shape.
 
     Args:
         plant: The plant with Pepper, registered with a scene graph.
-        scene: A scene that passes its check.
+        scene: A checked scene.
     """
     _add_floor(plant)
     still = plant.AddModelInstance("scene")
@@ -129,7 +129,7 @@ def _inertia() -> SpatialInertia:
 
 
 def _add_floor(plant: MultibodyPlant) -> None:
-    """Adds a slab whose top is z = 0: cameras and meshcat show it, nothing collides with it."""
+    """Adds a slab with its top at z = 0, for cameras and meshcat, without collision shape."""
     X_WF = RigidTransform([0.0, 0.0, -0.01])
     floor = Box(_FLOOR_SIZE, _FLOOR_SIZE, 0.02)
     plant.RegisterVisualGeometry(plant.world_body(), X_WF, floor, "floor", _FLOOR_COLOR)
@@ -160,10 +160,10 @@ def _register_goal(plant: MultibodyPlant, body: RigidBody, goal: GoalObject) -> 
 def _show_marker(
     plant: MultibodyPlant, body: RigidBody, marker: Marker | HandMarker, X_BF: RigidTransform
 ) -> tuple[Box, RigidTransform]:
-    """Puts a marker, whose pose is in a frame F of a body, on its plate; returns plate and X_BP."""
+    """Adds the visual of a marker, posed in a body's frame F, on its plate; returns plate, X_BP."""
     X_BM = X_BF @ marker.pose()
     edge = plate_size(marker.size)
-    # The plate's face lies a little behind the marker's, so that the two do not flicker.
+    # The plate's face lies slightly behind the marker's, to avoid z-fighting.
     X_BP = X_BM @ RigidTransform([0.0, 0.0, -0.0005 - _PLATE_THICKNESS / 2])
     plate = Box(edge, edge, _PLATE_THICKNESS)
     plant.RegisterVisualGeometry(body, X_BP, plate, "plate", np.ones(4))
@@ -175,11 +175,11 @@ def _show_marker(
 def _add_prismatic_joints(
     plant: MultibodyPlant, body: RigidBody, X_WB: RigidTransform, path: Sequence[Sequence[float]]
 ) -> MovingObject:
-    """Hangs a body on three actuated prismatic joints along the world's axes."""
+    """Mounts a body on three actuated prismatic joints along the world's axes."""
     model, name = body.model_instance(), body.name()
     start = RigidTransform(X_WB.translation())
     parent = plant.AddFrame(FixedOffsetFrame(f"{name}_start", plant.world_frame(), start, model))
-    # The body's frame with the world's axes, so that the rails have these, too.
+    # A frame of the body aligned with the world's axes, as the joints' axes are.
     X_BF = RigidTransform(X_WB.rotation().inverse())
     upright = plant.AddFrame(FixedOffsetFrame(f"{name}_upright", body.body_frame(), X_BF, model))
     for axis, direction in zip("xyz", np.eye(3), strict=True):

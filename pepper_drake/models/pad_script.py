@@ -1,4 +1,4 @@
-"""Pad scripts: what a person does with a game pad, step by step, as typed YAML files."""
+"""Pad scripts: a sequence of game pad states; typed YAML files."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,14 +18,14 @@ _LEFT_SHOULDER, _RIGHT_SHOULDER = 4, 5
 
 @dataclass
 class PadStep:
-    """Sticks and buttons, held for a while; numbered as in `gamepad_velocity`."""
+    """Sticks and buttons, held for a duration; numbered as in `gamepad_velocity`."""
 
     duration: float = 1.0  # [s].
     axes: list[float] = field(default_factory=lambda: [0.0] * _AXES)  # From -1 to 1.
-    pressed: list[int] = field(default_factory=list)  # Numbers of the buttons held down.
+    pressed: list[int] = field(default_factory=list)  # Numbers of the pressed buttons.
 
     def buttons(self) -> list[float]:
-        """Returns how far each button is pressed, from 0 to 1."""
+        """Returns the deflection of each button, from 0 to 1."""
         return [float(number in self.pressed) for number in range(_BUTTONS)]
 
 
@@ -50,11 +50,11 @@ class PadScript(TeachingScript):
 
     @property
     def end_time(self) -> float:
-        """When the last step is over [s], the rest at the start included."""
+        """Returns the end of the last step [s], including the rest at the start."""
         return self.rest + sum(step.duration for step in self.steps)
 
     def step_at(self, time: float) -> PadStep:
-        """Returns what is held at a time [s]; nothing during the rest before and after."""
+        """Returns the step at a time [s]; all released during the rest before and after."""
         start = self.rest
         if time < start:
             return PadStep()

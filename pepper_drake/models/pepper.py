@@ -1,4 +1,4 @@
-"""Pepper in a MultibodyPlant: its joints by group, postures, coupled limits and how it is added."""
+"""Pepper in a MultibodyPlant: joint groups, postures, coupled limits, and adding it to a plant."""
 
 from bisect import bisect
 from collections.abc import Mapping, Sequence
@@ -79,9 +79,9 @@ POSTURES: dict[str, dict[str, float]] = {
         "RWristYaw": 0.78,
     },
 }
-"""Named postures [rad]; joints that are not named are zero."""
+"""Named postures [rad]; unnamed joints are zero."""
 
-# Coupled limits of the vendor's documentation (NAOqi 2.8), degrees, linear between the rows.
+# Coupled limits from the vendor's documentation (NAOqi 2.8) in degrees, linearly interpolated.
 _HEAD_YAW = np.radians([33.33, 61.6, 91.4, 119.5]).tolist()
 _HEAD_PITCH_LOWER = np.radians([-40.5, -35.2, -35.1, -35.0]).tolist()
 _HEAD_PITCH_UPPER = np.radians([25.5, 20.9, 13.5, 13.5]).tolist()
@@ -120,7 +120,7 @@ def head_pitch_limits(head_yaw: float) -> tuple[float, float]:
 def elbow_roll_limits(elbow_yaw: float, arm: str) -> tuple[float, float]:
     """Returns an ElbowRoll's (lower, upper) limits [rad] at that arm's ElbowYaw [rad].
 
-    The right arm is the left one's mirror image: both angles change their sign.
+    For the right arm, both angles have the opposite sign.
     """
     check_arm(arm)
     if arm == "left":
@@ -135,8 +135,8 @@ class CoupledLimit:
     """Limits of one joint, the follower, that depend on another's position, the leader's.
 
     Attributes:
-        leader: Index of the leading joint (a yaw) among the joints that the limit was asked for.
-        follower: Index of the joint that is limited.
+        leader: Index of the leading joint (a yaw) among the given joints.
+        follower: Index of the limited joint.
         positions: Positions of the leader, ascending (K,) [rad]; between them the limits are
             linear, beyond them constant.
         lower: Lower limit of the follower at each (K,) [rad].
@@ -151,7 +151,7 @@ class CoupledLimit:
 
     @cached_property
     def strictest(self) -> tuple[float, float]:
-        """Lower and upper limit that hold wherever the leader is [rad]."""
+        """Returns the lower and upper limit valid for any leader position [rad]."""
         return float(self.lower.max()), float(self.upper.min())
 
     def limits_at(self, position: float) -> tuple[float, float]:
@@ -165,7 +165,7 @@ class CoupledLimit:
 def coupled_limits(names: Sequence[str]) -> tuple[CoupledLimit, ...]:
     """Returns the coupled limits whose two joints are both among `names`, as tables.
 
-    They are those of `head_pitch_limits` and `elbow_roll_limits`.
+    These are the limits of `head_pitch_limits` and `elbow_roll_limits`.
     """
     yaw = np.array(_HEAD_YAW)
     elbow_yaw = np.array(_LEFT_ELBOW_YAW)
@@ -193,7 +193,7 @@ def coupled_limits(names: Sequence[str]) -> tuple[CoupledLimit, ...]:
 
 
 def _interpolated(x: float, xs: Sequence[float], ys: Sequence[float]) -> float:
-    """Linear between the rows of a table, constant beyond: for one number faster than NumPy's."""
+    """Interpolates linearly, constant beyond the table; for scalars faster than NumPy."""
     k = bisect(xs, x)
     if k in (0, len(xs)):
         return ys[min(k, len(xs) - 1)]
@@ -202,14 +202,14 @@ def _interpolated(x: float, xs: Sequence[float], ys: Sequence[float]) -> float:
 
 
 def clamp_coupled_limits(positions: Mapping[str, float]) -> dict[str, float]:
-    """Moves HeadPitch and both ElbowRolls into the limits that HeadYaw and the ElbowYaws allow.
+    """Clamps HeadPitch and both ElbowRolls to the limits coupled to HeadYaw and the ElbowYaws.
 
     Args:
         positions: Joint positions [rad] by name, any subset of the joints. A limit whose leading
-            joint (the yaw) is not given is not applied.
+            joint (the yaw) is missing is not applied.
 
     Returns:
-        A copy with the coupled joints clamped; all else as it was.
+        A copy with the coupled joints clamped.
     """
     clamped = dict(positions)
     if "HeadPitch" in clamped and "HeadYaw" in clamped:
@@ -227,7 +227,7 @@ def clamp_coupled_limits(positions: Mapping[str, float]) -> dict[str, float]:
 def mirror_joint_positions(positions: Mapping[str, float]) -> dict[str, float]:
     """Returns the mirror image (left for right) of joint positions given by name [rad].
 
-    Pitches keep their sign; yaws, rolls and BaseY change it; L and R swap.
+    Pitches keep their sign; yaws, rolls and BaseY change sign; L and R are exchanged.
     """
     mirrored = {}
     for name, value in positions.items():
@@ -243,7 +243,7 @@ def joint_names() -> tuple[str, ...]:
 
 
 def posture_positions(posture: str, joints: Mapping[str, float] | None = None) -> dict[str, float]:
-    """Returns every joint's position [rad, m] by name: those of a posture, with changes.
+    """Returns all joint positions [rad, m] of a posture by name, with changes.
 
     Args:
         posture: A name in POSTURES.
@@ -268,7 +268,7 @@ def set_joint_positions(
     model: ModelInstanceIndex,
     positions: Mapping[str, float],
 ) -> None:
-    """Sets Pepper's joints by name [rad, m]; joints that are not named keep their position."""
+    """Sets Pepper's joints by name [rad, m]; other joints keep their positions."""
     q = plant.GetPositions(context)
     for name, value in positions.items():
         q[plant.GetJointByName(name, model).position_start()] = value
@@ -282,7 +282,7 @@ def add_pepper(plant: MultibodyPlant, *, posture: str = "stand") -> ModelInstanc
     not set. The default context has the posture.
 
     Args:
-        plant: The plant; with a scene graph, if shapes are wanted.
+        plant: The plant; registered with a scene graph if shapes are needed.
         posture: A name in POSTURES.
 
     Returns:

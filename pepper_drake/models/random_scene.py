@@ -1,4 +1,4 @@
-"""Random scenes: a table, the goal object and things around it, all drawn from one seed."""
+"""Random scenes: a table, the goal object and objects around it, drawn from one seed."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ _TABLE_THICKNESS = 0.03
 _WOOD = [0.72, 0.56, 0.38, 1.0]
 _LEG_COLOR = [0.35, 0.33, 0.32, 1.0]
 _GAP = 0.015
-"""Least distance between the outlines of two things on the table [m]."""
+"""Smallest distance between the outlines of two objects on the table [m]."""
 _GOAL_KEEP_OUT = 0.065
 """Radius of the goal object with its marker plate, seen from above [m]."""
 _MAX_TRIES = 200
@@ -19,13 +19,13 @@ _MAX_TRIES = 200
 def random_scene(seed: int, *, moving: bool = False) -> Scene:
     """Returns the random scene of a seed; the same on every machine.
 
-    It draws the arm, the table's height (0.66 to 0.80 m), edge and depth, the goal object's place
-    and turn, two to six things of which none overlap, and where the robot starts. Whether the goal
-    can be reached is not its business.
+    It draws the arm, the table's height (0.66 to 0.80 m), edge and depth, the goal object's
+    position and yaw, two to six objects that do not overlap, and the robot's start pose. Whether
+    the goal can be reached is not checked.
 
     Args:
-        seed: Of everything that is drawn.
-        moving: Adds an obstacle that moves while the arm reaches; all else stays the same.
+        seed: Seed of all random numbers.
+        moving: Whether to add an obstacle that moves while the arm reaches.
     """
     rng = np.random.default_rng(seed)
     arm = str(rng.choice(ARMS))
@@ -63,11 +63,11 @@ def draw_goal(
     """Draws the goal object on a table.
 
     Args:
-        rng: Draws.
-        edge: Place of the table's edge along x [m].
-        side: Of the arm, 1 left or -1 right.
-        height: Of the table [m].
-        behind_edge: How far behind the edge it stands, from and to [m].
+        rng: Random number generator.
+        edge: Position of the table's edge along x [m].
+        side: Side of the arm, 1 left or -1 right.
+        height: Height of the table [m].
+        behind_edge: Range of its distance behind the edge [m].
     """
     radius = round(float(rng.uniform(0.028, 0.036)), 4)
     goal = GoalObject(
@@ -76,13 +76,13 @@ def draw_goal(
         position=rounded(edge + rng.uniform(*behind_edge), side * rng.uniform(0.02, 0.20), height),
         yaw=round(float(rng.uniform(-0.3, 0.3)), 4),
     )
-    # The plate leans on the cylinder, whatever its radius.
+    # The plate touches the cylinder, whatever its radius.
     goal.marker.position[0] = round(-radius - 0.017, 4)
     return goal
 
 
 def draw_start(rng: np.random.Generator) -> RobotStart:
-    """Draws where the robot starts: about the world's origin, facing about +x."""
+    """Draws the robot's start pose: near the world's origin, facing about +x."""
     return RobotStart(
         x=round(float(rng.uniform(-0.1, 0.1)), 4),
         y=round(float(rng.uniform(-0.15, 0.15)), 4),
@@ -98,15 +98,15 @@ def draw_things(
     goal: GoalObject,
     most: int,
 ) -> list[Obstacle]:
-    """Draws two to `most` things on a table around the goal object, of which none overlap.
+    """Draws two to `most` objects on a table around the goal object that do not overlap.
 
     Args:
-        rng: Draws.
-        edge: Place of the table's edge along x [m].
-        depth: Of the table [m].
-        height: Of the table [m].
-        goal: The goal object, which stands on it.
-        most: Largest number of things.
+        rng: Random number generator.
+        edge: Position of the table's edge along x [m].
+        depth: Depth of the table [m].
+        height: Height of the table [m].
+        goal: The goal object on the table.
+        most: Largest number of objects.
     """
     things: list[Obstacle] = []
     taken = [(goal.position[0], goal.position[1], _GOAL_KEEP_OUT)]
@@ -124,7 +124,7 @@ def draw_things(
 
 
 def rounded(x: float, y: float, z: float) -> list[float]:
-    """Three numbers, to a tenth of a millimetre."""
+    """Rounds three lengths to a tenth of a millimetre."""
     return [round(float(value), 4) for value in (x, y, z)]
 
 
@@ -132,9 +132,9 @@ def table(edge: float, depth: float, height: float) -> list[Obstacle]:
     """Returns a table top and four legs, far enough apart for the robot's base to pass.
 
     Args:
-        edge: Place of the edge along x that faces the robot [m].
-        depth: Along x [m].
-        height: Of its upper side [m].
+        edge: Position along x of the edge facing the robot [m].
+        depth: Size along x [m].
+        height: Height of its upper surface [m].
     """
     width, leg = 1.4, 0.04
     underside = height - _TABLE_THICKNESS
@@ -162,7 +162,7 @@ def table(edge: float, depth: float, height: float) -> list[Obstacle]:
 
 
 def _thing(rng: np.random.Generator, number: int) -> tuple[Obstacle, float]:
-    """Draws a thing that stands at z = 0 (its x and y are still zero) and its outline's radius."""
+    """Draws an object standing at z = 0 (with x = y = 0), and its outline's radius."""
     kind = str(rng.choice(["mug", "bottle", "can", "box", "ball"]))
     name = f"{kind}_{number + 1}"
     color = [*(round(float(c), 3) for c in rng.uniform(0.15, 0.85, 3)), 1.0]

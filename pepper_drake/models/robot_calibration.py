@@ -1,4 +1,4 @@
-"""Calibration of one robot: what its encoders and cameras say too much, in a file for all apps."""
+"""Calibration of one robot: errors of its encoders and cameras, in a file for all apps."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,69 +14,69 @@ UNITS = {"angles": "rad", "lengths": "m", "image": "pixel"}
 """The units of every calibration file."""
 
 LARGEST_ANGLE = math.radians(10.0)
-"""No offset, slack or mounting angle is larger [rad]: it would be a mistake, or a broken robot."""
+"""Largest plausible offset, backlash or angular misalignment [rad]; larger is a mistake."""
 LARGEST_LENGTH = 0.05
-"""No camera is mounted farther from its place [m]."""
+"""Largest plausible displacement of a camera [m]."""
 LARGEST_FOCAL = 0.1
-"""No focal length is farther from the model's, as a share of it."""
+"""Largest plausible relative error of a focal length."""
 
 
 @dataclass
 class JointCalibration:
-    """A joint's encoder and gear."""
+    """Errors of a joint's encoder and gear."""
 
-    offset: float = 0.0  # What the encoder says too much [rad].
+    offset: float = 0.0  # Encoder reading minus true angle [rad].
     offset_sigma: float = 0.0  # Its standard deviation [rad].
-    slack: float = 0.0  # Of the gear, from end to end [rad].
+    slack: float = 0.0  # Backlash from end to end [rad].
     slack_sigma: float = 0.0  # [rad]
 
 
 @dataclass
 class CameraCalibration:
-    """A camera's place on the head, and its lens, against the model's."""
+    """Errors of a camera's extrinsics and focal length, relative to the model."""
 
     position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # In Head [m].
     position_sigma: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # [m]
-    # Of the optical frame, roll, pitch, yaw in it [rad].
+    # Rotation of the optical frame, roll, pitch, yaw in it [rad].
     rotation: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     rotation_sigma: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # [rad]
-    focal: float = 1.0  # True focal length over the model's.
+    focal: float = 1.0  # True focal length divided by the model's.
     focal_sigma: float = 0.0
 
 
 @dataclass
 class CalibrationResiduals:
-    """Distances between the marker as seen and as the joints have it, root mean squares."""
+    """Root mean square errors between the observed marker and the one predicted from the joints."""
 
-    position_before: float = 0.0  # By the model as it is [m].
-    position_after: float = 0.0  # By the calibration [m].
+    position_before: float = 0.0  # Without calibration [m].
+    position_after: float = 0.0  # With calibration [m].
     rotation_before: float = 0.0  # [rad]
     rotation_after: float = 0.0  # [rad]
-    image_after: float = 0.0  # Of the marker's corners in the images [pixel].
-    postures: int = 0  # In which the marker was seen.
-    images: int = 0  # In which it was seen.
+    image_after: float = 0.0  # Error of the marker's corners in the images [pixel].
+    postures: int = 0  # Number of postures in which the marker was seen.
+    images: int = 0  # Number of images used.
 
 
 @dataclass
 class RobotCalibration:
-    """All that a calibration found out about one robot."""
+    """Result of the calibration of one robot."""
 
-    robot: str = ""  # Which robot: "worn, seed 3", or a real one's address.
-    date: str = ""  # When, as 2026-11-28T23:15:00+00:00.
-    reason: str = ""  # Why it was made.
+    robot: str = ""  # The robot: "worn, seed 3", or a real one's address.
+    date: str = ""  # Time, as 2026-11-28T23:15:00+00:00.
+    reason: str = ""  # Reason for the calibration.
     arm: str = "right"  # The arm that held the marker.
     units: dict[str, str] = field(default_factory=lambda: dict(UNITS))
     joints: dict[str, JointCalibration] = field(default_factory=dict)  # By name.
     cameras: dict[str, CameraCalibration] = field(default_factory=dict)  # By the station's name.
     residuals: CalibrationResiduals = field(default_factory=CalibrationResiduals)
-    # What the images cannot tell apart, held by what wear is usual.
+    # Combinations of parameters determined by the priors, not by the images.
     held: list[str] = field(default_factory=list)
 
     def check(self) -> None:
-        """Checks what the types do not say.
+        """Checks the values of the fields.
 
         Raises:
-            InputError: A field makes no sense; the sentence begins with its name.
+            InputError: A field makes no sense; the message begins with its name.
         """
         if not self.robot:
             raise InputError("robot is empty; name the robot that was calibrated")
@@ -120,7 +120,7 @@ class RobotCalibration:
         _check_size([camera.focal - 1.0], LARGEST_FOCAL, f"cameras.{name}.focal", "", about=1.0)
 
     def check_robot(self, robot: str) -> None:
-        """Raises InputError if it was made of another robot than this one."""
+        """Raises InputError if the calibration is of another robot."""
         if robot != self.robot:
             raise InputError(
                 f'the calibration is of the robot "{self.robot}" and this is "{robot}"; calibrate '
@@ -128,7 +128,7 @@ class RobotCalibration:
             )
 
     def joint_values(self, name: str) -> list[float]:
-        """Returns a value ("offset" or "slack") of each of BODY_JOINTS (15,) [rad]."""
+        """Returns a value ("offset" or "slack") of all BODY_JOINTS (15,) [rad]."""
         none = JointCalibration()
         return [float(getattr(self.joints.get(joint, none), name)) for joint in BODY_JOINTS]
 
@@ -145,7 +145,7 @@ def _check_size(
 
 
 def simulated_robot(robot: str, seed: int) -> str:
-    """Returns the name in calibration files of a simulated robot: "ideal" or "worn, seed 3"."""
+    """Returns a simulated robot's name in calibration files: "ideal" or "worn, seed 3"."""
     return robot if robot == "ideal" else f"{robot}, seed {seed}"
 
 
@@ -153,8 +153,8 @@ def load_calibration(path: Path) -> RobotCalibration:
     """Loads a calibration.
 
     Raises:
-        InputError: The file is no calibration, or a number in it cannot be; the sentence names
-            file, line and field.
+        InputError: The file is no calibration, or a value is impossible; the message names file,
+            line and field.
     """
     calibration = load_yaml(RobotCalibration, path)
     try:
@@ -171,10 +171,10 @@ def calibration_of(name: str | None, robot: str, seed: int) -> RobotCalibration 
     Args:
         name: The file; `{seed}` in it stands for the seed. None or empty for no calibration.
         robot: "ideal" or "worn".
-        seed: The robot's.
+        seed: The robot's seed.
 
     Raises:
-        InputError: As `load_calibration`, or it is another robot's.
+        InputError: See `load_calibration`; or the calibration is of another robot.
     """
     if not name:
         return None

@@ -1,4 +1,4 @@
-"""Deviations of a used robot from its model: slack, offsets, mountings, slip and latency."""
+"""Errors of a worn robot: backlash, encoder offsets, camera misalignment, slip and latency."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,39 +10,39 @@ from pepper_drake.models.pepper import BODY_JOINTS
 Vector = npt.NDArray[np.float64]
 
 ROBOTS = ("ideal", "worn")
-"""Robots by name: as in the model, and used."""
+"""Simulated robots: as in the model, and worn."""
 
 HEAD_CAMERAS = ("camera_top", "camera_bottom", "camera_depth")
 
 
 @dataclass(frozen=True)
 class WearSizes:
-    """Largest errors; each is drawn evenly between plus and minus that, but for the slack."""
+    """Largest errors; each is drawn uniformly within ± this value, except backlash and latency."""
 
     backlash: float = np.radians(1.0)
-    """Slack of each joint's gear from end to end [rad]: as the service reports of real Peppers."""
+    """Backlash of each joint from end to end [rad], from service reports of real Peppers."""
     encoder_offset: float = np.radians(0.5)
     """Offset of each joint's encoder [rad]."""
     camera_angle: float = np.radians(1.0)
-    """Angle by which each camera is mounted wrongly [rad], about an axis that is drawn."""
+    """Angular misalignment of each camera [rad], about a random axis."""
     camera_position: float = 0.005
-    """Distance by which each camera is mounted wrongly [m], in a direction that is drawn."""
+    """Displacement of each camera [m], in a random direction."""
     focal: float = 0.01
     """Relative error of each focal length."""
     odometry: float = 0.03
-    """Relative error of the base's measured way and turn: its wheels slip."""
+    """Relative error of the base's measured displacement and rotation, due to wheel slip."""
     command_latency: float = 0.04
     """Time from a joint command to the motor [s]; not drawn."""
 
 
 @dataclass(frozen=True)
 class CameraWear:
-    """A camera's true place and lens against the model's.
+    """Errors of a camera's extrinsics and focal length, relative to the model.
 
     Attributes:
         position: Offset of the optical centre in the Head frame (3,) [m].
         rotation: Small rotation of the optical frame, roll, pitch, yaw in it (3,) [rad].
-        focal: True focal length over the model's.
+        focal: True focal length divided by the model's.
     """
 
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -55,10 +55,10 @@ class RobotWear:
     """The errors of one robot.
 
     Attributes:
-        backlash: Slack of each joint from end to end (15,) [rad], in the order of BODY_JOINTS.
-        encoder_offset: What each encoder says too much (15,) [rad].
-        cameras: By the station's name of each camera.
-        odometry: True way times one plus this is what the odometry says: x, y, yaw (3,).
+        backlash: Backlash of each joint from end to end (15,) [rad], in the order of BODY_JOINTS.
+        encoder_offset: Encoder reading minus true angle (15,) [rad].
+        cameras: Errors of the cameras by the station's names.
+        odometry: Relative error of the odometry in x, y, yaw (3,).
         command_latency: Time from a joint command to the motor [s].
     """
 
@@ -100,5 +100,5 @@ class RobotWear:
         )
 
     def calibrated(self, encoder_offset: Vector) -> "RobotWear":
-        """Remaining wear after encoder offsets (15,) [rad] that were found are corrected."""
+        """Returns the errors that remain after correcting estimated encoder offsets (15,) [rad]."""
         return replace(self, encoder_offset=self.encoder_offset - encoder_offset)

@@ -1,4 +1,4 @@
-"""Scenes: where Pepper starts, what it reaches for and what is in the way; typed YAML files."""
+"""Scenes: Pepper's start pose, the goal object and obstacles; typed YAML files."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -80,7 +80,7 @@ class Marker:
 
 @dataclass
 class HandMarker:
-    """An ArUco marker on the hand of the scene's arm: a user puts it there to calibrate."""
+    """An ArUco marker on the hand of the scene's arm, placed there by a user for calibration."""
 
     id: int = 12
     size: float = 0.05  # Edge of the black square [m].
@@ -100,10 +100,10 @@ class HandPose:
 
     position: list[float] = field(default_factory=list)  # p_OH [m].
     rpy: list[float] = field(default_factory=list)  # R_OH as roll, pitch, yaw [rad].
-    # Axis of the hand in H whose direction counts for the task. Five joints do not reach every
-    # orientation; to close the hand on a cylinder, the palm's normal, -z, must point at it.
+    # Axis of the hand in H whose direction matters for the task, as five joints do not reach every
+    # orientation. To close the hand on a cylinder, the palm's normal, -z, must point at it.
     axis: list[float] = field(default_factory=lambda: [0.0, 0.0, -1.0])
-    tolerance: float = 0.5  # Largest angle of that axis from where it should point [rad].
+    tolerance: float = 0.5  # Largest angle between that axis and its goal [rad].
 
     def pose(self) -> RigidTransform:
         """Returns X_OH."""
@@ -112,8 +112,8 @@ class HandPose:
     def axis_error(self, R_HG: RotationMatrix) -> float:
         """Returns the angle [rad] of `axis` from its goal, given the goal's rotation in H."""
         axis = np.asarray(self.axis)
-        wanted = R_HG.multiply(axis)
-        return float(np.arctan2(np.linalg.norm(np.cross(axis, wanted)), axis @ wanted))
+        desired = R_HG.multiply(axis)
+        return float(np.arctan2(np.linalg.norm(np.cross(axis, desired)), axis @ desired))
 
 
 @dataclass
@@ -123,10 +123,10 @@ class GoalObject:
     radius: float = 0.033  # [m]
     height: float = 0.22  # [m]
     position: list[float] = field(default_factory=list)  # p_WO [m].
-    yaw: float = 0.0  # Of O in the world [rad].
+    yaw: float = 0.0  # Yaw of O in the world [rad].
     color: list[float] = field(default_factory=lambda: [0.55, 0.56, 0.58, 1.0])  # RGBA.
     marker: Marker = field(default_factory=Marker)
-    pre_grasp: HandPose = field(default_factory=HandPose)  # Left out: the arm's usual one.
+    pre_grasp: HandPose = field(default_factory=HandPose)  # If omitted, the arm's default.
     path: list[list[float]] = field(default_factory=list)  # Rows time [s], x, y, z offset [m].
 
     __repr__ = short_repr
@@ -156,7 +156,7 @@ class Obstacle:
         return make_pose(self.position, self.rpy)
 
     def poses_along(self, time_step: float) -> tuple[list[float], list[RigidTransform]]:
-        """Returns the times [s] of its path, that far apart, and its poses in the world then."""
+        """Returns times [s] along its path, at that time step, and its poses in W."""
         path = path_trajectory(self.path)
         times = np.linspace(
             path.start_time(),
@@ -170,7 +170,7 @@ class Obstacle:
         return times.tolist(), poses
 
     def solid(self) -> Shape:
-        """Returns its collision shape; a mesh's convex hull."""
+        """Returns its collision shape; for a mesh the convex hull."""
         if self.shape == "box":
             return Box(*self.size)
         if self.shape == "cylinder":
@@ -184,7 +184,7 @@ class Obstacle:
 
 @dataclass
 class Scene:
-    """Everything that a reach needs to know beforehand."""
+    """A scene: robot, goal object and obstacles."""
 
     name: str = ""
     description: str = ""
@@ -227,10 +227,10 @@ class Scene:
                 )
         for index, obstacle in enumerate(self.obstacles):
             if obstacle.path:
-                self._check_way(obstacle, f"obstacles[{index}].path")
+                self._check_path_is_free(obstacle, f"obstacles[{index}].path")
 
-    def _check_way(self, obstacle: Obstacle, field_name: str) -> None:
-        """Raises InputError if an obstacle runs into something that stands still."""
+    def _check_path_is_free(self, obstacle: Obstacle, field_name: str) -> None:
+        """Raises InputError if an obstacle's path collides with a static object."""
         moving = {"goal"} if self.goal.path else set()
         moving |= {other.name for other in self.obstacles if other.path}
         still = [placed for placed in self.solids() if placed.name not in moving]
@@ -246,7 +246,7 @@ class Scene:
             )
 
     def solids(self) -> list[PlacedShape]:
-        """Returns the goal object's cylinder ("goal") and all obstacles, where they start."""
+        """Returns the goal object's cylinder ("goal") and all obstacles at their start poses."""
         X_OC = RigidTransform([0.0, 0.0, self.goal.height / 2])
         cylinder = Cylinder(self.goal.radius, self.goal.height)
         return [
@@ -255,13 +255,13 @@ class Scene:
         ]
 
     def pre_grasp(self) -> RigidTransform:
-        """Returns X_OH: the scene's own, or the usual one of the arm."""
+        """Returns X_OH: the scene's own, or the arm's default."""
         if self.goal.pre_grasp.position:
             return self.goal.pre_grasp.pose()
         return default_pre_grasp(self.arm, self.goal.radius).pose()
 
     def mirrored(self) -> "Scene":
-        """Returns the scene's mirror image in the plane y = 0, for the other arm."""
+        """Returns the scene mirrored in the plane y = 0, for the other arm."""
         mirror = deepcopy(self)
         mirror.arm = "left" if self.arm == "right" else "right"
         mirror.robot.y, mirror.robot.yaw = -self.robot.y, -self.robot.yaw
@@ -284,17 +284,17 @@ class Scene:
 
 
 def _mirror_marker(marker: Marker | HandMarker) -> None:
-    """Mirrors a marker's place; it still points its x axis to the right of who reads it."""
+    """Mirrors a marker's pose; its x axis still points to the right of the printed face."""
     R = np.diag([1, -1, 1]) @ marker.pose().rotation().matrix() @ np.diag([-1, 1, 1])
     marker.rpy = RollPitchYaw(RotationMatrix(R)).vector().tolist()
     marker.position[1] *= -1
 
 
 def default_pre_grasp(arm: str, radius: float) -> HandPose:
-    """Returns the usual pre-grasp pose X_OH: beside a cylinder, palm to it, fingers ahead and up.
+    """Returns the default pre-grasp X_OH: beside a cylinder, palm to it, fingers ahead and up.
 
-    The effector is 52 mm off the cylinder's surface and 110 mm above its bottom, so that the
-    half-open hand, upright, is 2 cm clear of the cylinder and 3 cm of what it stands on.
+    The effector is 52 mm off the cylinder's surface and 110 mm above its bottom, which gives the
+    upright half-open hand a clearance of 2 cm to the cylinder and 3 cm to its support.
     """
     side = 1.0 if arm == "left" else -1.0
     return HandPose(
@@ -307,7 +307,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     """Loads and checks a scene that ships (by its name) or a YAML file.
 
     Raises:
-        InputError: With one sentence that names the file and the field.
+        InputError: The message names the file and the field.
     """
     path = Path(name_or_path)
     if str(name_or_path) in SCENES:
@@ -331,7 +331,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
 def _is_there(path: Path) -> bool:
     try:
         return path.exists()
-    except (OSError, ValueError):  # A name that no file can have.
+    except (OSError, ValueError):  # An impossible file name.
         return False
 
 

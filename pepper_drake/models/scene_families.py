@@ -1,4 +1,4 @@
-"""Families of random scenes that no table with loose things on it draws, each from one seed."""
+"""Families of random scenes beyond a table with loose objects, each drawn from one seed."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ from pepper_drake.models.random_scene import (
 from pepper_drake.models.scene import GoalObject, Obstacle, Scene
 
 _HAND = 0.16
-"""Room that the half-open hand needs beside the goal object's axis, with some to spare [m]."""
+"""Space for the half-open hand beside the goal object's axis, with a margin [m]."""
 _BOARD = [0.78, 0.72, 0.62, 1.0]
 _PAINT = [0.32, 0.45, 0.55, 1.0]
 
@@ -28,16 +28,16 @@ Draw = Callable[[np.random.Generator, float], tuple[GoalObject, list[Obstacle]]]
 def family_scene(family: str, seed: int, *, moving: bool = False) -> Scene:
     """Returns a family's scene of a seed; the same on every machine.
 
-    It draws the arm, where the robot starts, and what the family is about. Whether the goal can be
-    reached is not its business.
+    It draws the arm, the robot's start pose, and the family's objects. Whether the goal can be
+    reached is not checked.
 
     Args:
-        family: A name of FAMILIES.
-        seed: Of everything that is drawn.
-        moving: Adds an obstacle that moves while the arm reaches; all else stays the same.
+        family: A name in FAMILIES.
+        seed: Seed of all random numbers.
+        moving: Whether to add an obstacle that moves while the arm reaches.
 
     Raises:
-        InputError: There is no such family, or none in which anything can move.
+        InputError: The family is unknown, or has no room for a moving obstacle.
     """
     if family not in FAMILIES:
         raise InputError(f'family is "{family}"; it must be one of {", ".join(FAMILIES)}')
@@ -70,7 +70,7 @@ def family_scene(family: str, seed: int, *, moving: bool = False) -> Scene:
 def _box(
     name: str, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], color: list
 ) -> Obstacle:
-    """A box between two planes along each axis [m]."""
+    """Returns a box between two planes along each axis [m]."""
     sizes = [abs(b - a) for a, b in (x, y, z)]
     return Obstacle(
         name=name,
@@ -82,13 +82,13 @@ def _box(
 
 
 def _usual_table(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Edge, depth and height of a table [m]."""
+    """Draws edge, depth and height of a table [m]."""
     edge, depth = float(rng.uniform(0.75, 1.0)), float(rng.uniform(0.5, 0.65))
     return edge, depth, float(rng.uniform(0.66, 0.80))
 
 
 def _bin(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[Obstacle]]:
-    """The goal stands in an open bin on a table; the hand comes in from above."""
+    """Draws a goal in an open bin on a table; the hand enters from above."""
     edge, depth, height = _usual_table(rng)
     goal = draw_goal(rng, edge, side, height, (0.10, 0.14))
     x, y, _ = goal.position
@@ -110,7 +110,7 @@ def _bin(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[Obstac
 
 
 def _compartment(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[Obstacle]]:
-    """The goal stands in a compartment of a shelf: dividers, a back, and a board above."""
+    """Draws a goal in a compartment of a shelf: dividers, a back, and a board above."""
     edge, height = float(rng.uniform(0.78, 1.0)), float(rng.uniform(0.64, 0.76))
     goal = draw_goal(rng, edge, side, height, (0.06, 0.10))
     y, depth, board = goal.position[1], float(rng.uniform(0.28, 0.36)), 0.02
@@ -133,7 +133,7 @@ def _compartment(rng: np.random.Generator, side: float) -> tuple[GoalObject, lis
 
 
 def _pickets(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[Obstacle]]:
-    """Thin posts stand around the goal, with gaps between them."""
+    """Draws a goal surrounded by thin posts with gaps between them."""
     edge, depth, height = _usual_table(rng)
     goal = draw_goal(rng, edge, side, height)
     x, y, _ = goal.position
@@ -158,7 +158,7 @@ def _pickets(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[Ob
 
 
 def _side_panels(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[Obstacle]]:
-    """A board stands on each side of the goal, along the hand's path."""
+    """Draws a goal with a board on each side, along the hand's path."""
     edge, depth, height = _usual_table(rng)
     goal = draw_goal(rng, edge, side, height)
     x, y, _ = goal.position
@@ -181,7 +181,7 @@ def _side_panels(rng: np.random.Generator, side: float) -> tuple[GoalObject, lis
 
 
 def _cupboard(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[Obstacle]]:
-    """A tall cupboard stands beside where the robot comes to stand, on the arm's side."""
+    """Draws a goal with a tall cupboard beside the robot's place, on the arm's side."""
     edge, depth, height = _usual_table(rng)
     goal = draw_goal(rng, edge, side, height)
     obstacles = table(edge, depth, height)
@@ -199,7 +199,7 @@ def _cupboard(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[O
 
 
 def _table_of(lowest: float, highest: float) -> Draw:
-    """A table of another height than is usual, with things on it [m]."""
+    """Returns a family of tables with objects, in a range of heights [m]."""
 
     def draw(rng: np.random.Generator, side: float) -> tuple[GoalObject, list[Obstacle]]:
         edge, depth, _ = _usual_table(rng)
@@ -223,4 +223,4 @@ FAMILIES: dict[str, Draw] = {
 """The families by name."""
 
 MOVING_FAMILIES = tuple(name for name in FAMILIES if name != "compartment")
-"""Those with a table over which something can move."""
+"""Families with a table over which an obstacle can move."""

@@ -1,4 +1,4 @@
-"""Shapes of obstacles and of the goal object, and which of them overlap."""
+"""Shapes of obstacles and the goal object, their overlaps and distances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from pepper_drake.models.obj_files import check_obj
 from pepper_drake.models.pepper import MODELS_DIR
 
 MESHES_DIR = MODELS_DIR / "meshes"
-"""Folder of meshes that a scene names without a folder."""
+"""Folder of the meshes that a scene names without a folder."""
 
 
 @dataclass(frozen=True)
@@ -35,17 +35,17 @@ class PlacedShape:
 
 
 def mesh_path(mesh: str) -> Path:
-    """Returns the file of a mesh, one that ships with the package if `mesh` has no folder.
+    """Returns the file of a mesh; a shipped one if `mesh` has no folder.
 
     Raises:
-        InputError: There is no such OBJ file, or it is no mesh of a solid.
+        InputError: There is no such OBJ file, or it is not the mesh of a solid.
     """
     path = Path(mesh)
     if path.parent == Path():
         path = MESHES_DIR / path
     try:
         is_there = path.is_file()
-    except (OSError, ValueError):  # A name that no file can have.
+    except (OSError, ValueError):  # An impossible file name.
         is_there = False
     if path.suffix.lower() != ".obj" or not is_there:
         shipped = ", ".join(sorted(p.name for p in MESHES_DIR.glob("*.obj")))
@@ -55,14 +55,14 @@ def mesh_path(mesh: str) -> Path:
 
 
 def convex_hull(mesh: str, scale: float) -> Convex:
-    """Returns the convex hull of a mesh: what collisions are computed with."""
+    """Returns the convex hull of a mesh, used for collisions."""
     return Convex(mesh_path(mesh), scale)
 
 
 def overlaps(shapes: Sequence[PlacedShape], tolerance: float = 1e-3) -> list[tuple[str, str]]:
-    """Returns the names of all pairs of shapes that go deeper than `tolerance` [m] into each other.
+    """Returns the names of all pairs of shapes that penetrate by more than `tolerance` [m].
 
-    Things that stand on one another touch; that is no overlap.
+    Objects standing on one another touch, which is no overlap.
     """
     scene_graph = SceneGraph()
     source = scene_graph.RegisterSource("overlaps")
@@ -90,9 +90,9 @@ def distances(
     """Returns the signed distances [m] of a shape, at each of some poses, to other shapes.
 
     Args:
-        shape: What moves.
+        shape: The moving shape.
         poses: N of its poses in the world.
-        others: M shapes that stand still.
+        others: M static shapes.
 
     Returns:
         (N, M).

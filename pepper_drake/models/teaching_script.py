@@ -1,4 +1,4 @@
-"""Fields that all scripts of a demonstration share: the arm, and its start."""
+"""Fields common to all demonstration scripts: the arm, and its start posture."""
 
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -25,14 +25,14 @@ GUIDES_DIR = MODELS_DIR / "guides"
 
 @dataclass
 class TeachingScript:
-    """A demonstration to be given by a script, from where a posture has the arm."""
+    """A scripted demonstration that starts in a posture."""
 
     name: str = ""
     description: str = ""
     arm: str = "right"
     posture: str = "stand"  # A name of pepper.POSTURES.
     joints: dict[str, float] = field(default_factory=dict)  # Changes to the posture [rad].
-    rest: float = 0.5  # How long all holds still before and after [s].
+    rest: float = 0.5  # Time at rest before and after the motion [s].
 
     def check(self) -> None:
         """Raises InputError, in one sentence that names the field, if it makes no sense."""
@@ -67,12 +67,12 @@ def load_script(schema: type[Script], name_or_path: str | Path, shipped: tuple[s
     """Loads and checks a script that ships (by its name) or a YAML file.
 
     Args:
-        schema: What kind of script.
+        schema: Class of the script.
         name_or_path: Its name or its file.
-        shipped: The names of those that ship.
+        shipped: Names of the shipped scripts.
 
     Raises:
-        InputError: With one sentence that names the file, the line and the field.
+        InputError: The message names the file, the line and the field.
     """
     path = Path(name_or_path)
     if str(name_or_path) in shipped:
@@ -91,7 +91,7 @@ def load_script(schema: type[Script], name_or_path: str | Path, shipped: tuple[s
 
 
 def check_vector(name: str, vector: list[float]) -> None:
-    """Raises InputError, naming the field, unless a vector holds three finite numbers."""
+    """Raises InputError, naming the field, unless a vector has three finite numbers."""
     if len(vector) != 3 or not np.all(np.abs(vector) <= FARTHEST):
         raise InputError(f"{name} must be three finite numbers of at most {FARTHEST:g}")
 
@@ -100,9 +100,9 @@ def check_duration(name: str, duration: float, *, whole: float = 0.0) -> None:
     """Raises InputError, naming the field, unless a time [s] makes sense.
 
     Args:
-        name: The field.
+        name: Name of the field.
         duration: Its value; at least a millisecond.
-        whole: What all such times are together.
+        whole: Sum of all such times [s].
     """
     if not duration >= _SHORTEST:
         raise InputError(f"{name} is {duration:g} s; it must be above 0")

@@ -1,4 +1,4 @@
-"""Typed YAML files: Drake's own loader, with one clear sentence for what is wrong in a file."""
+"""Typed YAML files: Drake's loader, with clear messages about errors in a file."""
 
 import dataclasses
 import logging
@@ -46,15 +46,15 @@ def load_yaml(
     Fields that the file leaves out keep their defaults; every field of the dataclass needs one.
 
     Args:
-        schema: A dataclass of numbers, texts, lists, dictionaries and other such dataclasses.
+        schema: A dataclass of numbers, strings, lists, dictionaries and other such dataclasses.
         path: The file.
         defaults: Values of the fields that the file leaves out; the schema's own if None.
-        moved: Former names of fields, such as `head.speed`, and what they are called now; files
-            with the former ones are read, and a warning tells the new one.
+        moved: New names of renamed fields by their former names, such as `head.speed`; the former
+            names are still accepted, with a warning.
 
     Raises:
-        InputError: If the file is missing, is no YAML, has a field that the schema lacks, or a
-            value of the wrong type; the sentence names the file, the line and the field.
+        InputError: If the file is missing, is no YAML, has an unknown field, or a value of the
+            wrong type; the message names the file, the line and the field.
     """
     return parse_yaml(schema, read_text(path, YAML_LIMIT), str(path), defaults, moved=moved)
 
@@ -72,12 +72,12 @@ def parse_yaml(
     Args:
         schema: A dataclass.
         text: The YAML.
-        name: Where it comes from, for the sentence that says what is wrong.
+        name: Name of its source, for error messages.
         defaults: Values of the fields that the text leaves out; the schema's own if None.
-        moved: As in `load_yaml`.
+        moved: See `load_yaml`.
 
     Raises:
-        InputError: As `load_yaml`.
+        InputError: See `load_yaml`.
     """
     root = compose(text, name)
     if root is None:
@@ -85,7 +85,7 @@ def parse_yaml(
     for former, now in moved.items():
         _move_field(root, former, now, name)
     _check_node(root, schema, "", name)
-    # Drake reads words as YAML 1.1 does: it is told what was checked, written without doubt.
+    # Drake reads YAML 1.1: it gets the checked values in an unambiguous form.
     plain = yaml.dump(construct(root, name), Dumper=_DUMPER)
     return yaml_load_typed(schema=schema, data=plain, defaults=defaults)
 
@@ -96,15 +96,15 @@ def with_settings(
     *,
     moved: Mapping[str, str] = types.MappingProxyType({}),
 ) -> T:
-    """Returns a copy of a dataclass with some fields set, as `--set FIELD=VALUE` asks for.
+    """Returns a copy of a dataclass with some fields set, as for `--set FIELD=VALUE`.
 
     Args:
         config: The dataclass.
         settings: Such as `planner.clearance.want=0.02`; later ones win.
-        moved: As in `load_yaml`.
+        moved: See `load_yaml`.
 
     Raises:
-        InputError: There is no such field, or the value does not fit it.
+        InputError: There is no such field, or the value has the wrong type.
 
     Example:
         >>> from dataclasses import dataclass, field
@@ -130,7 +130,7 @@ def with_settings(
                 config,
                 moved=moved,
             )
-        except InputError as error:  # A setting has no lines.
+        except InputError as error:  # A setting has no line numbers.
             raise InputError(re.sub(r" line \d+", "", str(error), count=1)) from None
     return config
 
@@ -147,7 +147,7 @@ def save_yaml(data: Any, path: Path) -> None:
 def line_of_field(path: Path, field: str) -> int:
     """Returns the line of a YAML file where a field such as `obstacles[2].size` begins.
 
-    If the file leaves the field out, the line of the innermost field around it that is there.
+    If the file leaves the field out, the line of the innermost enclosing field.
     """
     node = compose(read_text(path, YAML_LIMIT), str(path))
     line = 1
@@ -170,7 +170,7 @@ def _move_field(root: yaml.Node, former: str, now: str, name: str) -> None:
     """Moves a field to its new name, if the former one is there, and warns.
 
     Raises:
-        InputError: Both names are there.
+        InputError: Both names are present.
     """
 
     def child(mapping: yaml.Node | None, key: str) -> yaml.Node | None:
@@ -195,7 +195,7 @@ def _move_field(root: yaml.Node, former: str, now: str, name: str) -> None:
             found = yaml.MappingNode("tag:yaml.org,2002:map", [], *marks)
             parent.value.append((yaml.ScalarNode(text, group, *marks), found))
         if not isinstance(found, yaml.MappingNode):
-            return  # The check that follows refuses it.
+            return  # Reported by the subsequent check.
         parent = found
     if child(parent, key) is not None:
         raise InputError(f"{name}: {former} is now {now}, which it has, too; leave {former} out")
@@ -250,7 +250,7 @@ def _check_node(node: yaml.Node, schema: Any, field: str, path: str) -> None:
 
 
 def _items(node: yaml.MappingNode, path: str) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
-    """Returns the entries of a mapping, whose keys must be texts."""
+    """Returns the entries of a mapping, whose keys must be strings."""
     for key, _ in node.value:
         if key.tag not in _SCALARS[str]:
             where = f"{path} line {key.start_mark.line + 1}: "

@@ -1,4 +1,4 @@
-"""The robot's clock against ours, and what was measured at a time in between."""
+"""Offset of the robot's clock from ours, and interpolation of measurements in time."""
 
 from bisect import bisect_right
 from collections import deque
@@ -11,9 +11,9 @@ Vector = npt.NDArray[np.float64]
 
 
 def split_time(time: float) -> tuple[int, int]:
-    """Returns a time as NAOqi passes it, whole seconds and microseconds.
+    """Returns a time as NAOqi's whole seconds and microseconds.
 
-    A time in one of NAOqi's 32-bit floats would be wrong by a minute.
+    In one of NAOqi's 32-bit floats it would be wrong by a minute.
     """
     microseconds = round(time * 1e6)
     return microseconds // 1_000_000, microseconds % 1_000_000
@@ -26,11 +26,11 @@ def join_time(seconds: int, microseconds: int) -> float:
 
 @dataclass(frozen=True)
 class ClockSample:
-    """One question for the robot's time.
+    """One request for the robot's time.
 
     Attributes:
-        asked: When it was asked, by our clock [s].
-        answered: When the answer came, by our clock [s].
+        asked: Time of the request by our clock [s].
+        answered: Time of the answer by our clock [s].
         robot: The robot's time in the answer [s].
     """
 
@@ -44,9 +44,9 @@ class ClockOffset:
     """The offset of the robot's clock from ours.
 
     Attributes:
-        offset: Robot's time less ours [s].
-        bound: Half the round trip of the sample that it is from: it cannot be further off [s].
-        at: When it was measured, by our clock [s].
+        offset: The robot's time minus ours [s].
+        bound: Error bound, half the round trip of its sample [s].
+        at: Time of the sample by our clock [s].
     """
 
     offset: float
@@ -55,9 +55,9 @@ class ClockOffset:
 
 
 def clock_offset(samples: list[ClockSample]) -> ClockOffset:
-    """Measures the offset of the robot's clock from the sample with the shortest round trip.
+    """Measures the clock offset from the sample with the shortest round trip.
 
-    Cristian's algorithm (Cristian 1989): the robot read its clock between question and answer.
+    Cristian's algorithm (Cristian 1989): the robot read its clock between request and answer.
 
     Raises:
         ValueError: There is no sample, or one was answered before it was asked.
@@ -72,16 +72,16 @@ def clock_offset(samples: list[ClockSample]) -> ClockOffset:
 
 
 class MeasurementHistory:
-    """Measured vectors of the last seconds, and what they were at any time in between."""
+    """Measured vectors of the last seconds, interpolated in time."""
 
     def __init__(self, span: float = 2.0) -> None:
-        """Keeps what is younger than `span` [s]."""
+        """Keeps measurements of the last `span` [s]."""
         self._span = span
         self._times: deque[float] = deque()
         self._values: deque[Vector] = deque()
 
     def add(self, time: float, value: npt.ArrayLike) -> None:
-        """Adds a measurement; one that is not newer than the last is passed over."""
+        """Adds a measurement; one that is not newer than the last is ignored."""
         if self._times and time <= self._times[-1]:
             return
         self._times.append(time)
@@ -102,5 +102,5 @@ class MeasurementHistory:
         return self._values[k - 1] + share * (self._values[k] - self._values[k - 1])
 
     def newest(self) -> tuple[float, Vector] | None:
-        """Returns the newest measurement and its time, if there is one."""
+        """Returns the newest measurement and its time, or None."""
         return (self._times[-1], self._values[-1].copy()) if self._times else None

@@ -1,6 +1,6 @@
 """Names and numbers of NAOqi on Pepper: joints, chains, frames, cameras, image formats.
 
-Facts of the maker's documentation for NAOqi 2.5 (chains, cameras, colour spaces, base limits).
+From the maker's documentation of NAOqi 2.5 (chains, cameras, colour spaces, base limits).
 """
 
 import math
@@ -21,7 +21,7 @@ JOINTS: tuple[str, ...] = tuple(joint for chain in CHAINS.values() for joint in 
 """The 17 joints that ALMotion positions: head, left arm with hand, leg, right arm with hand."""
 
 BODY: tuple[str, ...] = JOINTS + WHEELS
-"""`Body` as `getAngles` and `getBodyNames` give it: the joints, then the wheels (20)."""
+"""`Body` in `getAngles` and `getBodyNames`: the joints, then the wheels (20)."""
 
 GROUPS: dict[str, tuple[str, ...]] = {
     **CHAINS,
@@ -33,7 +33,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Legs": CHAINS["Leg"],
     "Wheels": WHEELS,
 }
-"""Joints that a name stands for in ALMotion."""
+"""Joints of each group name in ALMotion."""
 
 STIFFNESS_CHAINS: tuple[str, ...] = CHAINS["Head"] + CHAINS["LArm"] + CHAINS["RArm"]
 """Joints whose stiffness a program may set; the lower body follows `wakeUp` and `rest` only."""
@@ -46,7 +46,7 @@ CYCLE = 0.02
 
 @dataclass(frozen=True)
 class BaseLimit:
-    """A limit of the base that a move's configuration may set.
+    """A limit of the base, which a move's configuration may set.
 
     Attributes:
         default: Value unless set.
@@ -75,10 +75,10 @@ TOP, BOTTOM, DEPTH, STEREO = 0, 1, 2, 3
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera as ALVideoDevice tells of it.
+    """A camera as described by ALVideoDevice.
 
     Attributes:
-        name: NAOqi's name of it and of its frame.
+        name: NAOqi's name of the camera and its frame.
         model: Model id.
         width_fov: Horizontal field of view [rad].
         height_fov: Vertical field of view [rad].
@@ -132,7 +132,7 @@ LAYERS: dict[int, int] = {
     21: 2,  # distance [mm], 16 bits
     23: 2,  # depth as measured [mm], 16 bits
 }
-"""Bytes for each pixel by colour-space id: what a reply calls its number of layers."""
+"""Bytes per pixel by colour-space id: the number of layers in a reply."""
 
 YUV422, YUV, RGB, HSY, BGR, YYCBCR, H2RGB, HS_MIXED = 9, 10, 11, 12, 13, 14, 15, 16
 DEPTH_MM, XYZ, DISTANCE, RAW_DEPTH = 17, 19, 21, 23

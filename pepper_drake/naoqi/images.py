@@ -1,10 +1,10 @@
-"""Images between pixels and NAOqi's replies, in every colour space that Pepper has.
+"""Conversion between pixels and NAOqi's image replies, in all colour spaces of Pepper.
 
 Colour arrays are (height, width, 3) RGB of uint8; depth arrays are (height, width) of float32:
-distance along the optical axis [m], 0 where it is unknown.
+distance along the optical axis [m], 0 where unknown.
 
 Byte orders are as documented for NAOqi 2.5, the first byte of a little-endian word first: YUV
-4:2:2 is U Y V Y', YUV is Y U V, HSY is H S Y. What is not documented is assumed: luma and chroma
+4:2:2 is U Y V Y', YUV is Y U V, HSY is H S Y. Not documented but assumed: luma and chroma
 are BT.601's at full range (as in JPEG), hue and saturation are HSV's, scaled to 0..255.
 """
 
@@ -40,20 +40,20 @@ Pixels = npt.NDArray[np.uint8]
 DepthMap = npt.NDArray[np.float32]
 
 GREY_DEPTHS = (0.4, 3.68)
-"""Distances that a grey image of the depth camera shows as 0 and 255 [m]."""
+"""Distances of grey values 0 and 255 of the depth camera [m]."""
 
 _MILLIMETRES = (DEPTH_MM, DISTANCE, RAW_DEPTH)
 
 
 @dataclass(frozen=True)
 class ImageReply:
-    """A reply of `getImageRemote`, understood.
+    """A decoded reply of `getImageRemote`.
 
     Attributes:
-        pixels: As the colour space has them: (height, width, channels) or (height, width) of
+        pixels: In the colour space: (height, width, channels) or (height, width) of
             uint8, uint16 [mm] or float32 [m].
         color_space: Colour-space id.
-        time: When the image was taken, by the robot's clock [s].
+        time: Capture time by the robot's clock [s].
         camera: Camera id.
     """
 
@@ -63,7 +63,7 @@ class ImageReply:
     camera: int
 
     def rgb(self) -> Pixels:
-        """Returns the image as RGB (height, width, 3); grey where it holds no colour.
+        """Returns the image as RGB (height, width, 3); grey for a single channel.
 
         Raises:
             ValueError: It holds distances.
@@ -132,7 +132,7 @@ def encode_depth(depth: DepthMap, color_space: int) -> bytes:
         return _millimetres(depth * _ray_lengths(*_size(depth))).tobytes()
     if color_space == XYZ:
         across, down = _rays(*_size(depth))
-        # Adding 0 makes -0 a 0, as all unknown places are.
+        # Adding 0 turns -0 into the 0 of unknown points.
         points = np.stack([depth, -depth * across, -depth * down], axis=2) + np.float32(0)
         return points.tobytes()
     near, far = GREY_DEPTHS
@@ -154,7 +154,7 @@ def encode_reply(
 
     Returns:
         width, height, layers, colour space, seconds, microseconds, bytes, camera, and the angles
-        of the left, top, right and bottom border from the middle [rad].
+        of the left, top, right and bottom border from the centre [rad].
     """
     known = CAMERAS[camera]
     across, down = known.width_fov / 2, known.height_fov / 2
@@ -174,7 +174,7 @@ def encode_reply(
 
 
 def decode_reply(reply: Sequence[Any] | None) -> ImageReply:
-    """Reads a reply of `getImageRemote`; sizes are the reply's, whatever was asked for.
+    """Decodes a reply of `getImageRemote`; sizes are the reply's, not the requested ones.
 
     Raises:
         ValueError: There is no image, or the reply is not one.
@@ -274,7 +274,7 @@ def _size(pixels: npt.NDArray[Any]) -> tuple[int, int]:
 
 
 def _rays(width: int, height: int) -> tuple[DepthMap, DepthMap]:
-    """Returns how far each pixel's ray goes right and down while it goes 1 ahead."""
+    """Returns each pixel's ray: its displacement right and down per unit of depth."""
     camera = CAMERAS[DEPTH]
     right = np.linspace(-1, 1, 2 * width + 1)[1::2] * math.tan(camera.width_fov / 2)
     down = np.linspace(-1, 1, 2 * height + 1)[1::2] * math.tan(camera.height_fov / 2)

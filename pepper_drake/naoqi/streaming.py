@@ -1,8 +1,8 @@
-"""A plan's poses as `setAngles` commands that are sent ahead of their time.
+"""A plan's poses as `setAngles` commands that are sent ahead of time.
 
-ALMotion brings each target to rest. So a target is the pose that the plan has a lookahead from
-now, and the fraction of the largest speed that with which the joint gets there in just that time:
-it never arrives while commands keep coming, and stops by itself when they do not.
+ALMotion brings each target to rest. Therefore a target is the plan's pose a lookahead from now,
+with the fraction of the largest speed at which the joint takes exactly that time: it never arrives
+while commands keep coming, and stops by itself when they do not.
 """
 
 from collections.abc import Sequence
@@ -17,13 +17,13 @@ MARGIN = 0.04
 """Lookahead beyond the round trip [s]."""
 
 LONGEST_LOOKAHEAD = 0.25
-"""Lookahead above which an arm would go on too long after its commands have ended [s]."""
+"""Largest lookahead: an arm moves on for that time after its last command [s]."""
 
 LEAST_FRACTION = 0.02
 """Fraction below which a real joint may stick."""
 
 LARGEST_FRACTION = 0.6
-"""Fraction above which no plan needs to move."""
+"""Largest fraction that a plan needs."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class StreamedCommand:
 
     Attributes:
         names: Joints.
-        targets: Where each shall be a lookahead from now [rad].
-        fractions: Fraction of its largest speed for each.
+        targets: Position of each a lookahead from now [rad].
+        fractions: Fraction of the largest speed of each.
     """
 
     names: tuple[str, ...]
@@ -42,7 +42,7 @@ class StreamedCommand:
 
     @property
     def fraction(self) -> float:
-        """The one fraction with which no joint is late."""
+        """The common fraction with which no joint is late."""
         return max(self.fractions)
 
 
@@ -63,12 +63,12 @@ def streamed_command(
     seconds: float,
     max_velocity: npt.ArrayLike,
 ) -> StreamedCommand:
-    """Makes the command that takes joints to a pose in a time.
+    """Makes the command that moves joints to a pose in a given time.
 
     Args:
         names: Joints (n).
-        now: Where they are commanded to be now (n,) [rad].
-        ahead: Where they shall be then (n,) [rad].
+        now: Current commanded positions (n,) [rad].
+        ahead: Commanded positions at the lookahead (n,) [rad].
         seconds: The lookahead [s].
         max_velocity: Their largest speeds (n,) [rad/s].
 

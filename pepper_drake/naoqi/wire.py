@@ -1,4 +1,4 @@
-"""QiMessaging's bytes: values by their signatures, and messages.
+"""Encoding of QiMessaging: values by their signatures, and message framing.
 
 The format is libqi's (binaryencoder.cxx, message.hpp, "QiMessaging, network protocol"): little
 endian throughout, strings, raw bytes, lists and maps preceded by their length as 32 bits, a dynamic
@@ -17,9 +17,9 @@ import numpy as np
 MAGIC = b"\x42\xde\xad\x42"
 HEADER = struct.Struct("<4sIIHBBIII")
 LARGEST_PAYLOAD = 16 * 2**20
-"""Payloads above this are no robot's messages [bytes]: the largest image has 15 MB."""
+"""Largest payload of a message [bytes]; the largest image has 15 MB."""
 _DEEPEST = 32
-"""Levels of nesting that a value may have."""
+"""Deepest nesting of a value."""
 _NUMBERS = {
     "b": "?",
     "c": "b",
@@ -39,14 +39,14 @@ _DYNAMIC_INTEGER = np.dtype([("length", "<u4"), ("letter", "S1"), ("number", "<i
 
 @dataclass(frozen=True)
 class Typed:
-    """A value to be sent in a dynamic value with just this signature."""
+    """A value for a dynamic value, with its signature."""
 
     signature: str
     value: Any
 
 
 class WireError(Exception):
-    """Bytes that are no message, or a value that its signature cannot hold."""
+    """Bytes that are not a message, or a value that does not fit its signature."""
 
 
 class MessageType(IntEnum):
@@ -74,7 +74,7 @@ class Message:
     """A message.
 
     Attributes:
-        type: Its kind, a `MessageType`; another number where a client sent one.
+        type: A `MessageType`, or another number that a client sent.
         id: Number of a call, which its reply repeats.
         service: Number of the service.
         object: Number of the object.
@@ -125,7 +125,7 @@ def read_header(header: bytes) -> tuple[Message, int]:
 
 @dataclass(frozen=True)
 class Signature:
-    """A parsed signature: its letter, and what it holds.
+    """A parsed signature: its letter and its items.
 
     Attributes:
         letter: One of the letters of `pepper_drake.robot_server.wire.service`.
@@ -144,10 +144,10 @@ class Signature:
 
 @lru_cache(maxsize=4096)
 def parse_signature(text: str) -> Signature:
-    """Parses a signature; annotations in angle brackets are left out.
+    """Parses a signature; annotations in angle brackets are ignored.
 
     Raises:
-        WireError: It is none.
+        WireError: It is not a signature.
 
     Example:
         >>> str(parse_signature("(s[m])<Pair,name,values>"))
@@ -191,7 +191,7 @@ ReadObject = Callable[["Reader"], Any]
 
 
 def no_object(value: Any) -> Any:
-    """Refuses objects, where there is no connection that they could belong to."""
+    """Refuses objects outside of a connection."""
     raise WireError("an object outside of a connection")
 
 
@@ -200,7 +200,7 @@ def encode(signature: str, value: Any, write_object: WriteObject = no_object) ->
 
     Args:
         signature: Its signature.
-        value: Plain Python, as `pepper_drake.robot_server.wire.service` lists it.
+        value: Plain Python, of the types in `pepper_drake.robot_server.wire.service`.
         write_object: Encodes an object.
 
     Raises:
@@ -258,7 +258,7 @@ def _write(
 
 
 def _integers(values: Any) -> bytes:
-    """Returns whole numbers (n,) as dynamic values at once: a map of the floor has a million."""
+    """Encodes integers (n,) as dynamic values in one step: a map of the floor has a million."""
     rows = np.empty(len(values), _DYNAMIC_INTEGER)
     rows["length"], rows["letter"] = 1, b"i"
     rows["number"] = values.astype(np.int32, casting="same_kind")
@@ -266,7 +266,7 @@ def _integers(values: Any) -> bytes:
 
 
 def _dynamic_signature(value: Any) -> str:
-    """Returns the signature that a value gets inside a dynamic one."""
+    """Returns the signature of a value inside a dynamic value."""
     if isinstance(value, Typed):
         return value.signature
     if value is None:
@@ -291,29 +291,29 @@ def _dynamic_signature(value: Any) -> str:
 
 
 class Reader:
-    """Reads values one after the other from bytes."""
+    """Reads values from bytes, one after the other."""
 
     def __init__(self, data: bytes, read_object: ReadObject = no_object) -> None:
         """Starts at the first byte.
 
         Args:
             data: The bytes.
-            read_object: Reads an object at the reader's place.
+            read_object: Reads an object at the reader's position.
         """
         self._data = data
-        self._place = 0
+        self._position = 0
         self._read_object = read_object
 
     @property
     def left(self) -> int:
-        """Number of bytes that were not read yet."""
-        return len(self._data) - self._place
+        """Number of bytes not yet read."""
+        return len(self._data) - self._position
 
     def read(self, signature: str) -> Any:
         """Returns the next value.
 
         Raises:
-            WireError: The bytes end before the value, or are no such value.
+            WireError: The bytes end before the value, or do not encode such a value.
         """
         try:
             return self._value(parse_signature(signature), 0)
@@ -323,15 +323,15 @@ class Reader:
     def _take(self, size: int) -> bytes:
         if size > self.left:
             raise WireError(f"{size} bytes announced, {self.left} there")
-        self._place += size
-        return self._data[self._place - size : self._place]
+        self._position += size
+        return self._data[self._position - size : self._position]
 
     def _number(self, code: str) -> Any:
         layout = struct.Struct("<" + code)
         return layout.unpack(self._take(layout.size))[0]
 
     def _count(self, items: tuple[Signature, ...]) -> int:
-        """Returns the length of a list or map, which its bytes must be able to hold."""
+        """Returns the length of a list or map, checked against the remaining bytes."""
         count: int = self._number("I")
         least = sum(_least_size(item) for item in items)
         if count * least > self.left or (least == 0 and count > 1000):
@@ -372,7 +372,7 @@ class Reader:
 
 @lru_cache(maxsize=4096)
 def _least_size(signature: Signature) -> int:
-    """Returns the least number of bytes that a value takes."""
+    """Returns the least encoded size of a value [bytes]."""
     if signature.letter in _NUMBERS:
         return struct.calcsize("<" + _NUMBERS[signature.letter])
     if signature.letter == "(":
@@ -381,10 +381,10 @@ def _least_size(signature: Signature) -> int:
 
 
 def decode(signature: str, data: bytes, read_object: ReadObject = no_object) -> Any:
-    """Decodes a value that takes all of the bytes.
+    """Decodes a value that takes up all bytes.
 
     Raises:
-        WireError: The bytes are no such value, or more.
+        WireError: The bytes do not encode such a value, or are too many.
 
     Example:
         >>> decode("(sf)", encode("(sf)", ("HeadYaw", 0.5)))

@@ -12,14 +12,14 @@ from pepper_drake.optimization.weighting import ELITENESS, best, exponential_wei
 Array = npt.NDArray[np.float64]
 
 DECAY = 0.7
-"""Default of d in equation 3.2: after seven updates the search looks a twelfth as far."""
+"""Default of d in equation 3.2: after seven updates the exploration is a twelfth."""
 
 LAST_EXPLORATION = 0.03
 """Share that `decay_over` leaves of the first exploration's standard deviation."""
 
 
 def decay_over(updates: int) -> float:
-    """Returns the d of equation 3.2 with which the exploration is over after some updates."""
+    """Returns the d of equation 3.2 that leaves `LAST_EXPLORATION` after some updates."""
     return float(LAST_EXPLORATION ** (1.0 / max(1, updates)))
 
 
@@ -32,8 +32,8 @@ class RewardWeightedAveraging(GaussianSearch):
     - It has converged when Sigma and its predecessor differ by less than a threshold, as matrices
       (root of the sum of squares), relative to the first Sigma.
 
-    The report leaves the normalisation open. This is that of the library it used: without h
-    (called eliteness there) the best sample would count only e times as much as the worst.
+    The report leaves the normalisation open. This is that of the library it used: without h (called
+    eliteness there) the best sample would weigh only e times as much as the worst.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class RewardWeightedAveraging(GaussianSearch):
             problem: What is minimised.
             samples: lambda, of each update.
             seed: Of the samples.
-            rate: r, the variance of the exploration; the problem's if left out.
+            rate: r, the initial variance of the exploration; the problem's if left out.
             decay: d, above 0 and at most 1.
             elite: mu, how many of the samples count; all if left out.
             eliteness: h.
@@ -99,7 +99,7 @@ class RewardWeightedAveraging(GaussianSearch):
 
 
 def averaged(samples: Array, costs: Array, elite: int, eliteness: float) -> Array:
-    """Returns equation 3.1: the mean (n,) of the best samples, weighted by what they cost.
+    """Returns equation 3.1: the mean (n,) of the best samples, weighted by their costs.
 
     Args:
         samples: (S, n).

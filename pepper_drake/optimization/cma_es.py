@@ -14,8 +14,8 @@ Array = npt.NDArray[np.float64]
 class CmaEs:
     """Covariance matrix adaptation evolution strategy (Hansen and Ostermeier 2001).
 
-    Its random numbers come from a generator of its own, in order: told the same costs again, it
-    does the same again.
+    It draws its random numbers in order from its own generator: told the same costs, it repeats
+    itself.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class CmaEs:
         check_positive(rate=rate)
         random = np.random.default_rng(seed)
         with warnings.catch_warnings():
-            # It looks for plotting tools when it is imported, and says so.
+            # On import it looks for plotting tools, and warns.
             warnings.simplefilter("ignore")
             import cma
 
@@ -57,7 +57,7 @@ class CmaEs:
                 "verb_log": 0,
             },
         )
-        self._asked: list[Array] | None = None
+        self._samples: list[Array] | None = None
 
     @property
     def mean(self) -> Array:
@@ -76,12 +76,12 @@ class CmaEs:
 
     def ask(self) -> Array:
         """Returns samples (S, n)."""
-        if self._asked is None:
-            self._asked = self._strategy.ask()
-        return np.array(self._asked)
+        if self._samples is None:
+            self._samples = self._strategy.ask()
+        return np.array(self._samples)
 
     def tell(self, costs: Array) -> None:
         """Updates mean, step size and covariance."""
         self.ask()
-        self._strategy.tell(self._asked, total_costs(np.asarray(costs, dtype=float)).tolist())
-        self._asked = None
+        self._strategy.tell(self._samples, total_costs(np.asarray(costs, dtype=float)).tolist())
+        self._samples = None

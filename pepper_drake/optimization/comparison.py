@@ -22,7 +22,7 @@ class Comparison:
     """Results of several methods on one problem.
 
     Attributes:
-        rollouts: (updates + 1,) how many samples were evaluated by then.
+        rollouts: (updates + 1,) number of samples evaluated by then.
         costs: By method, the cost (seeds, updates + 1) of its mean after each update.
     """
 

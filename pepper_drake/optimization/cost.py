@@ -1,4 +1,4 @@
-"""A cost as a sum of named terms, and where a user writes one down."""
+"""Costs: weighted sums of named terms, or a user's own function."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
@@ -18,13 +18,13 @@ from pepper_drake.user_code import load_object
 Array = npt.NDArray[np.float64]
 
 Cost = Callable[[Outcome, Task], Array]
-"""Gives costs (S,), or (S, N) of each step."""
+"""Returns costs (S,), or (S, N) of each step."""
 
 
 def terms_of(cost: Cost, outcome: Outcome, task: Task) -> dict[str, float]:
-    """Returns by name what the first movement of an outcome costs, before the weights.
+    """Returns the unweighted terms by name for the first movement of an outcome.
 
-    A cost that has no terms has none by name.
+    Empty for a cost without terms.
     """
     if not isinstance(cost, CostWeights):
         return {}
@@ -42,20 +42,20 @@ class CostWeights:
     hand_to_goal: float = 0.0
     """For each metre between hand and goal at the end."""
     hand_to_obstacles: float = 0.0
-    """For each metre that the hand lacks of the clearance."""
+    """For each metre by which the hand violates the clearance."""
     arm_to_obstacles: float = 0.0
     """The same for the whole arm."""
     deviation: float = 0.0
-    """For each metre of the mean distance to the demonstrated way."""
+    """For each metre of the mean distance to the demonstrated path."""
     jerk: float = 0.0
-    """For as much jerk as before the search."""
+    """For the jerk before the search."""
     joint_limits: float = 0.0
     """For one joint at its limit all the time."""
     rating: float = 0.0
-    """For the worst rating that a tutor can give."""
+    """For a tutor's worst rating."""
 
     def check(self) -> None:
-        """Raises InputError unless some term counts and none counts negatively."""
+        """Raises InputError unless some weight is positive and none is negative."""
         for name, weight in asdict(self).items():
             if weight < 0.0 or not np.isfinite(weight):
                 raise InputError(f"{name}: {weight} is negative or not finite")
@@ -63,7 +63,7 @@ class CostWeights:
             raise InputError("every term has weight 0; give one that counts")
 
     def __call__(self, outcome: Outcome, task: Task) -> Array:
-        """Returns the costs (S, N) of each step; the tutor's rating is not among them."""
+        """Returns the costs (S, N) of each step; without the tutor's rating."""
         costs = np.zeros(outcome.positions.shape[:2])
         for name, term in TERMS.items():
             weight = getattr(self, name)
@@ -74,7 +74,7 @@ class CostWeights:
 
 @dataclass(frozen=True)
 class CostFunction:
-    """A user's own function of an outcome and a task, in a file; it travels to other processes.
+    """A user's function of an outcome and a task, in a file; it can be sent to other processes.
 
     Attributes:
         path: A Python file.

@@ -1,8 +1,7 @@
-"""The named terms of a cost: each says for every step of a movement what it costs.
+"""The named terms of a cost: each gives the cost of every step of a movement.
 
-What is asked for at the end is charged to the last step, the worst moment to the step where it
-is; so the sum over the steps is the cost, and what is left of it from a step on is what policy
-search wants to know.
+Costs of the end are charged to the last step, costs of the worst moment to its step. The sum over
+the steps is the cost, and the sum from a step on is the cost-to-go of policy search.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ from pepper_drake.short_repr import short_repr
 Array = npt.NDArray[np.float64]
 
 HAND_RADIUS = 0.05
-"""Radius [m] of the sphere that stands for the hand where there is no arm."""
+"""Radius [m] of the sphere that represents the hand in rollouts without an arm."""
 
 LIMIT_MARGIN = 0.1
-"""Margin [rad] to its limit within which a joint costs."""
+"""Margin [rad] to its limit within which a joint has a cost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +31,12 @@ class Task:
     """Task of a movement, in the torso frame T.
 
     Attributes:
-        goal: (3,) where the hand should end [m].
-        demonstrated: (M, 3) the way before the search, at even times [m].
-        jerk: Mean of the squared jerk of that way [m²/s⁶].
-        obstacles: What to keep away from, or None.
-        clearance: How far to keep away [m].
-        hand_radius: Of the sphere that stands for the hand where there is no arm [m].
+        goal: (3,) of the hand [m].
+        demonstrated: (M, 3) the path before the search, evenly spaced in time [m].
+        jerk: Mean of the squared jerk of that path [m²/s⁶].
+        obstacles: Their distance field, or None.
+        clearance: Distance to keep from them [m].
+        hand_radius: Of the sphere that represents the hand in rollouts without an arm [m].
     """
 
     goal: Array
@@ -51,7 +50,7 @@ class Task:
 
 
 Term = Callable[[Outcome, Task], Array]
-"""Gives (S, N): what each step costs."""
+"""Returns (S, N): the cost of each step."""
 
 
 def hand_to_goal(outcome: Outcome, task: Task) -> Array:
@@ -78,12 +77,12 @@ def arm_to_obstacles(outcome: Outcome, task: Task) -> Array:
 
 
 def deviation(outcome: Outcome, task: Task) -> Array:
-    """Mean distance to the demonstrated way at the same time [m]."""
+    """Mean distance to the demonstrated path at the same time [m]."""
     count = outcome.positions.shape[1]
     here = np.linspace(0.0, len(task.demonstrated) - 1.0, count)
     grid = np.arange(len(task.demonstrated))
-    way = np.column_stack([np.interp(here, grid, axis) for axis in task.demonstrated.T])
-    return np.linalg.norm(outcome.positions - way, axis=2) / count
+    path = np.column_stack([np.interp(here, grid, axis) for axis in task.demonstrated.T])
+    return np.linalg.norm(outcome.positions - path, axis=2) / count
 
 
 def jerk(outcome: Outcome, task: Task) -> Array:
@@ -105,7 +104,7 @@ def joint_limits(outcome: Outcome, task: Task) -> Array:
 
 
 def violation(gaps: Array, clearance: float) -> Array:
-    """Returns (S, N): what gaps (S, N) lack, as a mean, and once more where it is worst [m]."""
+    """Returns (S, N) [m]: violations by gaps (S, N) as a mean, plus the worst at its step."""
     lacking = np.maximum(0.0, clearance - gaps)
     costs = lacking / lacking.shape[1]
     rows = np.arange(len(costs))

@@ -19,16 +19,16 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class DiagramRollouts:
-    """Costs of parameters, by letting Pepper reach in a scene with them.
+    """Costs of parameters, by simulating Pepper's reach in a scene.
 
-    Every reach has the same noise, so that costs differ by what the parameters do. Where the robot
-    refuses to start, what it costs is that the hand is still far from the goal.
+    All reaches have the same noise, so that costs differ by the parameters alone. If the robot
+    refuses to start, the cost is that of the hand far from the goal.
 
     Attributes:
-        parameters: What the numbers mean.
-        task: What the movement is for; the goal is the scene's, wherever it is.
+        parameters: Meaning of the numbers.
+        task: Of the movement; the goal is the scene's.
         cost: Of an outcome.
-        scenario: Where and how Pepper reaches, but for the movement.
+        scenario: Scene and settings of the reach, except for the movement.
     """
 
     parameters: MovementParameters
@@ -43,7 +43,7 @@ class DiagramRollouts:
         )
 
     def outcome(self, samples: Array) -> Outcome:
-        """Returns what the parameters (1, n) lead to."""
+        """Returns the outcome of parameters (1, n)."""
         return outcome_of(self.reach(samples[0]))
 
     def primitive_at(self, parameters: Array) -> MovementPrimitive:
@@ -51,12 +51,12 @@ class DiagramRollouts:
         return self.parameters.primitive_at(parameters)
 
     def measure(self, parameters: Array) -> dict[str, float]:
-        """Returns nothing: it would take another reach."""
+        """Returns no measurements: they would take another reach."""
         return {}
 
     def reach(self, parameters: Array) -> ReachResult:
-        """Lets Pepper reach with parameters (n,)."""
-        # What is tried is this movement, not one that the planner makes of it.
+        """Simulates a reach with parameters (n,)."""
+        # Evaluates this movement, not the planner's adaptation of it.
         planner = replace(self.scenario.planner, adapt=False)
         scenario = replace(self.scenario, planner=planner)
         reaching = build_reaching(scenario, primitive=self.primitive_at(parameters))
@@ -66,8 +66,8 @@ class DiagramRollouts:
 def outcome_of(result: ReachResult) -> Outcome:
     """Returns a reach as an outcome of one movement.
 
-    Its steps are those while the arm reached, or all where it never started; the gaps are the true
-    distances of all of Pepper to the obstacles, the error at the end is to the true goal.
+    Its steps are those while the arm reached, or all if it never started. The gaps are the true
+    distances of Pepper's whole body to the obstacles; the end error is to the true goal.
     """
     log = result.log
     moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING, ReachMode.DONE))

@@ -1,4 +1,4 @@
-"""Rollouts of the equations alone: thousands a second, the hand as a point or a sphere."""
+"""Rollouts of the primitive alone: thousands per second, the hand as a point or a sphere."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class FastRollouts:
-    """Costs of parameters, by performing the primitive without robot and without coupling.
+    """Costs of parameters, by rollouts of the primitive without robot and coupling.
 
     Attributes:
-        parameters: What the numbers mean.
-        task: What the movement is for.
+        parameters: Meaning of the numbers.
+        task: Of the movement.
         cost: Of an outcome.
         time_step: Between samples [s].
     """
@@ -38,7 +38,7 @@ class FastRollouts:
 
     @property
     def at_once(self) -> int:
-        """Number of samples that suit one call."""
+        """Suitable number of samples for one call."""
         return 64
 
     def __call__(self, samples: Array) -> Array:
@@ -46,7 +46,7 @@ class FastRollouts:
         return self.cost(self.outcome(samples), self.task)
 
     def outcome(self, samples: Array) -> Outcome:
-        """Returns what parameters (S, n) lead to."""
+        """Returns the outcome of parameters (S, n)."""
         paths = roll_out(self.parameters, samples, self.time_step)
         return Outcome(paths.times, paths.positions, accelerations=lambda: paths.accelerations)
 
@@ -60,7 +60,7 @@ class FastRollouts:
 
 
 def roll_out(parameters: MovementParameters, samples: Array, time_step: float) -> PathBatch:
-    """Performs the movements (S, N, 3) of parameters (S, n), each from its start to its end."""
+    """Returns rollouts, positions (S, N, 3), of parameters (S, n), from the start to each goal."""
     weights, goals = parameters.weights_and_goals(samples)
     primitive = parameters.primitive
     attractor, tau, start = primitive.translation, primitive.duration, primitive.start

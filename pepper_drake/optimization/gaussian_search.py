@@ -12,8 +12,7 @@ Array = npt.NDArray[np.float64]
 class GaussianSearch:
     """A mean, and samples of a Gaussian around it.
 
-    The random numbers of an update depend on seed and update alone: nothing that came before has
-    a hand in them.
+    The random numbers of an update depend only on the seed and the number of the update.
     """
 
     def __init__(
@@ -25,7 +24,7 @@ class GaussianSearch:
             problem: What is minimised.
             samples: Of each update.
             seed: Of the samples.
-            rate: Variance of the exploration at first; the problem's if left out.
+            rate: Initial variance of the exploration; the problem's if left out.
             least: Number of samples that an update needs.
 
         Raises:
@@ -48,7 +47,7 @@ class GaussianSearch:
         return np.full(len(self._mean), np.sqrt(self._rate))
 
     def ask(self) -> Array:
-        """Returns samples (S, n) of the Gaussian; the same until their costs were told."""
+        """Returns samples (S, n) of the Gaussian; the same until `tell` is called."""
         return self._mean + self._spread(self._noise())
 
     def _noise(self) -> Array:
@@ -57,5 +56,5 @@ class GaussianSearch:
         return random.standard_normal((self._samples, len(self._mean)))
 
     def _spread(self, noise: Array) -> Array:
-        """Returns standard normal noise (S, n) as far as the exploration goes."""
+        """Returns standard normal noise (S, n) scaled to the exploration."""
         return self.deviations * noise

@@ -1,4 +1,4 @@
-"""History of a search, which is its whole state, in one file."""
+"""History of a search, its complete state, in one file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = npt.NDArray[np.float64]
 _MOST_UPDATES = 100_000
 
 _KEEP_PERIOD = 0.8
-"""Wall time from when a history was kept until it is kept again [s]."""
+"""Wall time between writes of a history [s]."""
 
 
 @dataclass
@@ -31,15 +31,15 @@ class History:
     """All samples and costs of a search, update by update.
 
     Attributes:
-        settings: What the search was started with; plain data.
+        settings: Of the search; plain data.
         samples: (S, n) of each update.
         costs: (S,) or (S, T) of each update.
         means: (n,) before the first update and after each.
         mean_costs: The costs of the means; NaN where they were not evaluated.
-        pending: Costs of an update that was interrupted, by the number of updates before it and
-            the first sample of their chunk.
+            pending: Costs of an interrupted update, by the number of updates before it and the
+                first sample of their chunk.
 
-    It may be left anywhere: an update counts from the moment when its costs are there.
+        It is consistent at any time: an update counts once its costs are there.
     """
 
     settings: dict[str, Any] = field(default_factory=dict)
@@ -69,7 +69,7 @@ class History:
     def best(self) -> tuple[Array, float]:
         """Returns the cheapest parameters (n,) evaluated so far, and their cost.
 
-        Where nothing was evaluated, the last mean, and NaN.
+        If nothing was evaluated: the last mean and NaN.
         """
         found = list(zip(self.means, self.mean_costs, strict=False))
         for samples, totals in zip(self.samples, self.totals, strict=False):
@@ -81,7 +81,7 @@ class History:
         return min(known, key=lambda pair: pair[1])
 
     def check_settings(self, settings: dict[str, Any]) -> None:
-        """Raises InputError when a search was started with other settings than these."""
+        """Raises InputError if the search was started with other settings."""
         for name, now in settings.items():
             before = self.settings.get(name)
             if before != now:
@@ -91,11 +91,11 @@ class History:
                 )
 
     def save(self, path: Path, *, compress: bool = True) -> None:
-        """Writes the history as numpy's npz; a crash leaves the file as it was before.
+        """Writes the history as numpy's npz; a crash leaves the old file intact.
 
         Args:
             path: The file.
-            compress: Whether it is to be small rather than written fast.
+            compress: Whether a small file is preferred to fast writing.
 
         Raises:
             InputError: The path cannot be written to.
@@ -129,7 +129,7 @@ class History:
 
     @classmethod
     def _of(cls, data: dict[str, Array], name: str) -> Self:
-        """Makes a history of what `save` wrote, or raises ValueError, KeyError or TypeError."""
+        """Makes a history from what `save` wrote, or raises ValueError, KeyError or TypeError."""
         if data["means"].ndim and len(data["means"]) > _MOST_UPDATES:
             raise ValueError("more updates than any search makes")
         if data["mean_costs"].shape != data["means"].shape[:1]:
@@ -149,12 +149,12 @@ class History:
                 }
             },
         )
-        if not history._is_whole():
+        if not history._is_complete():
             raise ValueError("shapes that belong to no search")
         return history
 
-    def _is_whole(self) -> bool:
-        """Tells whether shapes and numbers are those of one search."""
+    def _is_complete(self) -> bool:
+        """Tells whether shapes and numbers are consistent."""
         pending = self.pending[self.updates].items()
         tables = [*self.samples, *self.means]
         sizes = {table.shape[-1] for table in tables if table.ndim}
@@ -177,10 +177,10 @@ class History:
 
 @dataclass
 class HistoryKeeper:
-    """Keeps a history in a file while the search goes on, about once a second.
+    """Writes the history to a file about once a second during the search.
 
     Attributes:
-        path: The file; its folder is made when there is something to keep.
+        path: The file; its folder is created on the first write.
         history: Of the search.
     """
 
@@ -189,7 +189,7 @@ class HistoryKeeper:
     _kept: float = field(default_factory=time.monotonic, repr=False)
 
     def keep(self, *, now: bool = False) -> None:
-        """Writes the file if it is time to, or at once.
+        """Writes the file if due, or with `now` at once.
 
         Raises:
             InputError: The path cannot be written to.

@@ -1,4 +1,4 @@
-"""Rollouts with the whole arm, without dynamics: hundreds a second."""
+"""Rollouts with the whole arm, without dynamics: hundreds per second."""
 
 from functools import lru_cache
 from typing import Any
@@ -27,28 +27,28 @@ from pepper_drake.planning.trajectories.joint_trajectories import minimum_durati
 Array = npt.NDArray[np.float64]
 
 SPEED_FRACTION = 0.5
-"""Share of the joints' rated speed that may be used."""
+"""Usable share of the joints' rated speed."""
 
 GRID_ERROR = 0.005
 """Margin [m] by which the grid may overestimate distances."""
 
 
 class KinematicRollouts:
-    """Costs of parameters, by performing the primitive with an arm that follows exactly.
+    """Costs of parameters, by rollouts with an arm that tracks exactly.
 
-    The arm is spheres in a grid of distances to the obstacles; its gaps are taken to be smaller by
-    what the grid may be wrong, so that a clearance that is asked for is kept.
+    The arm's collision spheres are evaluated in a grid of distances to the obstacles; the grid's
+    largest error is subtracted, so that a required clearance is kept.
 
     Args:
-        parameters: What the numbers mean.
-        task: What the movement is for.
+        parameters: Meaning of the numbers.
+        task: Of the movement.
         cost: Of an outcome.
         time_step: Between samples [s].
-        led_by: "hand": it follows the primitive, and the spare joints its posture
-            (`batch_inverse_kinematics`). "joints": the arm follows the posture, the hand with it.
+        led_by: "hand": the hand follows the primitive, the redundant joints its posture
+            (`batch_inverse_kinematics`). "joints": the arm follows the posture.
 
     Raises:
-        InputError: The primitive has no joints, or does not start where they put the hand.
+        InputError: The primitive has no joints, or its start contradicts their forward kinematics.
     """
 
     def __init__(
@@ -65,12 +65,12 @@ class KinematicRollouts:
         self._grid: DistanceGrid | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leaves out the grid, which another process makes for itself."""
+        """Leaves out the grid, which another process computes for itself."""
         return self.__dict__ | {"_grid": None}
 
     @property
     def at_once(self) -> int:
-        """Number of samples that suit one call."""
+        """Suitable number of samples for one call."""
         return 8
 
     def __call__(self, samples: Array) -> Array:
@@ -78,7 +78,7 @@ class KinematicRollouts:
         return self.cost(self.outcome(samples), self.task)
 
     def outcome(self, samples: Array) -> Outcome:
-        """Returns what parameters (S, n) lead to."""
+        """Returns the outcome of parameters (S, n)."""
         kinematics, limits = arm_and_limits(self.arm)
         times, joints = self.joints(samples)
         flat = joints.reshape(-1, joints.shape[2])
@@ -109,14 +109,14 @@ class KinematicRollouts:
         nominal = profile.basis(times / duration) @ parameters.posture_weights(samples)
         if self.led_by == "joints":
             return times, np.clip(nominal, limits.position_lower, limits.position_upper)
-        ways = roll_out(parameters, samples, self.time_step).positions
-        return times, batch_inverse_kinematics(kinematics, limits, ways, nominal, self.time_step)
+        paths = roll_out(parameters, samples, self.time_step).positions
+        return times, batch_inverse_kinematics(kinematics, limits, paths, nominal, self.time_step)
 
     def primitive_at(self, parameters: Array) -> MovementPrimitive:
-        """Returns a primitive of what the whole arm does with parameters (n,).
+        """Returns a primitive of the whole arm's motion with parameters (n,).
 
-        Its orientation and posture are those that the arm takes on the way; it takes longer where
-        the joints would be too fast.
+        Its orientation and posture are the arm's; its duration is extended where joints would be
+        too fast.
         """
         times, joints = self.joints(parameters[None])
         kinematics, limits = arm_and_limits(self.arm)
@@ -127,8 +127,8 @@ class KinematicRollouts:
     def measure(self, parameters: Array) -> dict[str, float]:
         """Returns the terms of the cost of parameters (n,), before the weights.
 
-        With obstacles `arm_clearance` is among them: the least distance of the arm's own shapes to
-        them [m], exact where it is below 3 cm.
+        With obstacles they include `arm_clearance`: the least distance of the arm's own shapes to
+        them [m], exact below 3 cm.
         """
         measured = terms_of(self.cost, self.outcome(parameters[None]), self.task)
         if self.task.obstacles is not None:
@@ -147,16 +147,16 @@ class KinematicRollouts:
 
 
 def distance_grid(arm: str, field: PointCloudDistance) -> DistanceGrid:
-    """Returns the distances to obstacles in T where an arm can be."""
+    """Returns the grid of distances to obstacles in an arm's workspace, in T."""
     region = arm_region(arm)
     return DistanceGrid(region, sample(region, field.solid_points, GRID_CAP)[None])
 
 
 def arm_of(primitive: MovementPrimitive) -> str:
-    """Returns "left" or "right": whose joints a primitive has.
+    """Returns "left" or "right": the arm whose joints a primitive has.
 
     Raises:
-        InputError: It has none, other ones, or does not start where they put the hand.
+        InputError: It has none, others, or its start contradicts their forward kinematics.
     """
     names = primitive.posture.names if primitive.posture is not None else ()
     for arm in ("left", "right"):
@@ -179,7 +179,7 @@ def arm_of(primitive: MovementPrimitive) -> str:
 
 @lru_cache(maxsize=2)
 def arm_and_limits(arm: str) -> tuple[ArmKinematics, CommandLimits]:
-    """Returns an arm's kinematics, and the limits of its joints; made once in a process."""
+    """Returns an arm's kinematics, and the limits of its joints; computed once per process."""
     model = shared_control_model()
     limits = model.command_limits(arm_joints(arm), speed_fraction=SPEED_FRACTION)
     return arm_kinematics(model, arm), limits
@@ -187,5 +187,5 @@ def arm_and_limits(arm: str) -> tuple[ArmKinematics, CommandLimits]:
 
 @lru_cache(maxsize=2)
 def arm_shapes(arm: str) -> ExactDistance:
-    """Returns an arm's shapes; made once in a process."""
+    """Returns an arm's shapes; computed once per process."""
     return ExactDistance(shared_control_model(), arm_and_limits(arm)[0])

@@ -24,7 +24,7 @@ METHODS: Mapping[str, Callable[..., Optimizer]] = {
 def make_optimizer(
     name: str, problem: Problem, *, samples: int = 10, seed: int = 0, **settings: Any
 ) -> Optimizer:
-    """Makes a method that starts at a problem's guess.
+    """Makes a search method that starts at a problem's guess.
 
     Args:
         name: Of the method.

@@ -1,4 +1,4 @@
-"""From a demonstration or a primitive, and a task, to a problem that any method can search."""
+"""Makes the problem of a movement for the search methods."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from pepper_drake.optimization.problem import Evaluate, Problem
 Array = npt.NDArray[np.float64]
 
 _FARTHEST = 1e3
-"""No obstacle is farther than this [m]."""
+"""Largest coordinate of an obstacle point [m]."""
 
 EXPLORATION = 0.02
 """Default standard deviation of each parameter [m]: r = 4e-4 m² in equation 3.2."""
 
 JOINT_EXPLORATION = 0.06
-"""The same where joints are searched: 0.15 rad."""
+"""The same in a search over joints: 0.15 rad."""
 
 CLEARANCE = 0.02
 """Default distance to keep from obstacles [m]."""
@@ -44,11 +44,11 @@ def make_task(
     """Makes the task of a primitive's movement.
 
     Args:
-        primitive: As it is before the search: what is deviated from, and whose jerk counts one.
-        goal: (3,) where the hand should end, in T [m]; the primitive's own end if left out.
-        obstacles: (P, 3) points in T [m], or a field of them.
-        clearance: How far to keep away from them [m].
-        hand_radius: Of the sphere that stands for the hand in fast rollouts [m].
+        primitive: Before the search: reference of the deviation and the jerk.
+        goal: (3,) of the hand, in T [m]; the primitive's own if left out.
+        obstacles: (P, 3) points in T [m], or a distance field of them.
+        clearance: Distance to keep from them [m].
+        hand_radius: Of the sphere that represents the hand in fast rollouts [m].
 
     Raises:
         InputError: The goal is not three finite numbers.
@@ -72,20 +72,19 @@ def movement_problem(
     exploration: float | None = None,
     chunk: int | None = None,
 ) -> Problem:
-    """Makes the problem of finding better parameters of a movement.
+    """Makes the problem of optimising the parameters of a movement.
 
     Args:
-        parameters: What is searched.
+        parameters: The searched parameters.
         evaluate: Their cost.
-        exploration: Standard deviation with which the search starts [m]; left out, one that suits
-            what is searched.
-        chunk: How many samples one call takes; left out, as many as suit the evaluator.
+        exploration: Initial standard deviation of the search [m]; a suitable one if left out.
+        chunk: Number of samples per call; the evaluator's if left out.
     """
     if chunk is None:
         chunk = int(getattr(evaluate, "at_once", 1))
     if exploration is None:
         exploration = EXPLORATION if parameters.posture is None else JOINT_EXPLORATION
-    # The nominal joints act through the inverse kinematics: no linear policy.
+    # The nominal joints act through the inverse kinematics: not a linear policy.
     features = parameters.features if parameters.posture is None else None
     return Problem(np.zeros(parameters.size), exploration, evaluate, chunk, features)
 

@@ -1,4 +1,4 @@
-"""Rollouts of movements for their cost: the common interface, and its factory."""
+"""Rollouts of movements for their cost: the common interface and its factory."""
 
 from typing import TYPE_CHECKING, Protocol
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 ROLLOUTS = ("fast", "kinematics", "diagram")
-"""The equations alone; the whole arm without dynamics; all of Pepper, its cameras and the scene."""
+"""The primitive alone; the whole arm without dynamics; Pepper, its cameras and the scene."""
 
 FREE = ("hand", "joints", "arm")
-"""The hand's path; the joints, which the hand follows; the hand's path and the spare joints."""
+"""The hand's path; the joints, which move the hand; the hand's path and the redundant joints."""
 
 KERNELS = 6
-"""Default number of bumps where joints are searched."""
+"""Default number of bumps in a search over joints."""
 
 
 class MovementRollouts(Protocol):
@@ -56,31 +56,31 @@ class MovementRollouts(Protocol):
         ...
 
     def outcome(self, samples: Array) -> Outcome:
-        """Returns what parameters (S, n) lead to."""
+        """Returns the outcome of parameters (S, n)."""
         ...
 
     def primitive_at(self, parameters: Array) -> MovementPrimitive:
-        """Returns the primitive that does what parameters (n,) led to."""
+        """Returns the primitive of parameters (n,)."""
         ...
 
     def measure(self, parameters: Array) -> dict[str, float]:
-        """Returns by name what can be said of parameters (n,) without much ado."""
+        """Returns quantities by name that are cheap to compute for parameters (n,)."""
         ...
 
 
 def make_parameters(
     primitive: MovementPrimitive, free: str, kernels: int | None, *, end_state: bool
 ) -> MovementParameters:
-    """Chooses what is searched.
+    """Makes the parameters of a search.
 
     Args:
         primitive: Where the search starts.
         free: One of `FREE`.
-        kernels: How many bumps; left out, all weights of the hand's path, or `KERNELS` of joints.
+        kernels: Number of bumps; left out, all weights of the hand's path, or `KERNELS` of joints.
         end_state: Whether the movement may end elsewhere.
 
     Raises:
-        InputError: The word is unknown, or the primitive lacks what is to be searched.
+        InputError: `free` is unknown, or the primitive lacks what it names.
     """
     if free == "hand":
         if kernels is None:
@@ -105,13 +105,13 @@ def make_rollouts(
 
     Args:
         name: One of `ROLLOUTS`.
-        parameters: What is searched.
-        task: What the movement is for.
-        cost: What it costs.
-        scenario: Where and how Pepper reaches, for `diagram`.
+        parameters: The searched parameters.
+        task: Of the movement.
+        cost: Of an outcome.
+        scenario: Scene and settings of Pepper's reach, for `diagram`.
 
     Raises:
-        InputError: They do not fit together.
+        InputError: The arguments do not fit together.
     """
     led_by_joints = parameters.directions.shape[1] == 0
     if name != "kinematics" and parameters.posture is not None:

@@ -14,7 +14,7 @@ Array = npt.NDArray[np.float64]
 
 
 class EpisodicNaturalActorCritic(GaussianSearch):
-    """Follows the natural gradient that a least-squares critic reads off whole rollouts.
+    """Follows the natural gradient that a least-squares critic estimates from whole rollouts.
 
     The policy explores with parameters theta + eps, eps of N(0, Sigma), held over a rollout. Then
 
@@ -22,11 +22,11 @@ class EpisodicNaturalActorCritic(GaussianSearch):
 
     Critic: with compatible features, LSTD-Q(1) over whole episodes is the linear regression of the
     returns R_h (minus the costs) on them and a constant, R_h = J + (grad log pi_h)' w; its w is the
-    natural gradient G^-1 grad J (D.1). With fewer rollouts than parameters it is the solution that
-    is shortest as G measures, which leaves alone what was not tried.
+    natural gradient G^-1 grad J (D.1). With fewer rollouts than parameters it is the minimum-norm
+    solution in the metric G, which leaves unexplored directions alone.
 
-    Actor: theta <- theta + alpha w (D.3), with alpha such that the step is `step` standard
-    deviations of the exploration long, as G measures; so a cost in other units makes no difference.
+    Actor: theta <- theta + alpha w (D.3), with alpha such that the step has a length of `step`
+    standard deviations of the exploration in the metric G; so the units of the cost do not matter.
     The exploration shrinks by a factor with each update, and the steps with it.
     """
 
@@ -47,7 +47,7 @@ class EpisodicNaturalActorCritic(GaussianSearch):
             problem: What is minimised.
             samples: Rollouts of each update.
             seed: Of the exploration.
-            rate: Variance of the exploration at first; the problem's if left out.
+            rate: Initial variance of the exploration; the problem's if left out.
             step: Length of a step in standard deviations of the exploration.
             decay: Of the standard deviation at each update, above 0 and at most 1.
             threshold: It has converged when the variance changes by less than this share of the
@@ -89,12 +89,12 @@ def natural_gradient(explored: Array, returns: Array, deviations: Array) -> Arra
     """Returns w (n,) of the critic's regression.
 
     Args:
-        explored: (S, n) what each rollout's parameters differ from theta.
+        explored: (S, n) exploration noise: each rollout's parameters minus theta.
         returns: (S,).
         deviations: (n,) standard deviations of the exploration.
     """
-    # With u = w / sigma the regression is R = J + (eps / sigma)' u, and |u| is what G measures. To
-    # leave the constant J free, everything is taken from its mean.
+    # With u = w / sigma the regression is R = J + (eps / sigma)' u, and |u| is the norm in G. All
+    # is centred, which eliminates the constant J.
     scores = explored / deviations
     centred = scores - scores.mean(axis=0)
     slope = np.linalg.lstsq(centred, returns - returns.mean(), rcond=1e-10)[0]

@@ -11,16 +11,16 @@ Array = npt.NDArray[np.float64]
 
 
 class Optimizer(Protocol):
-    """A search that is at a mean and explores around it.
+    """A search that explores around a mean.
 
-    Everything that a method does follows from its settings, its seed and the costs it was told,
-    in order. So a search is saved as what it asked and was told (`history`), and goes on bit for
-    bit after it was told the same again.
+    A method's behaviour follows from its settings, its seed and the costs it was told, in order. So
+    a search is saved as what it asked and was told (`history`), and continues bit for bit after
+    being told the same again.
     """
 
     @property
     def mean(self) -> Array:
-        """(n,) where the search is."""
+        """(n,) current mean of the search."""
         ...
 
     @property
@@ -34,7 +34,7 @@ class Optimizer(Protocol):
         ...
 
     def ask(self) -> Array:
-        """Returns (S, n) samples whose costs it wants; the same until it was told them."""
+        """Returns (S, n) samples to evaluate; the same until `tell` is called."""
         ...
 
     def tell(self, costs: Array) -> None:

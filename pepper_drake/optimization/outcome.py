@@ -1,4 +1,4 @@
-"""Outcome of performing several movements: all that a cost may depend on."""
+"""Outcome of several movements: all that a cost may depend on."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ Array = npt.NDArray[np.float64]
 
 
 class Outcome:
-    """S movements of N steps each; what takes time is computed when it is first asked for.
+    """S movements of N steps each; expensive quantities are computed on first use.
 
     Attributes:
         times: (N,) [s].
         positions: (S, N, 3) of the hand, in T [m].
         joints: (S, N, J) of the arm [rad], where there is an arm.
         joint_limits: (2, J) lower and upper limits [rad], where there is an arm.
-        end_errors: (S,) from the hand to its goal at the end [m], where the goal is not that of
-            the task but one that was seen.
+        end_errors: (S,) from the hand to its goal at the end [m], if the goal was estimated instead
+            of the task's.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class Outcome:
         arm_distances: Callable[[], Array] | None = None,
         end_errors: Array | None = None,
     ) -> None:
-        """Takes the attributes, and how to compute the rest; see the properties."""
+        """Takes the attributes, and functions that compute the properties."""
         self.times = times
         self.positions = positions
         self.joints = joints
@@ -47,7 +47,7 @@ class Outcome:
 
     @cached_property
     def accelerations(self) -> Array:
-        """(S, N, 3) [m/s²]; differences of the positions where nothing better is known."""
+        """(S, N, 3) [m/s²]; finite differences of the positions unless given."""
         if self._accelerations is not None:
             return self._accelerations()
         step = self.times[1] - self.times[0]

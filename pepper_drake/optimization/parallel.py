@@ -1,4 +1,4 @@
-"""Costs of many parameters, on one core, on several, or on a cluster: the same numbers."""
+"""Costs of many parameters, on one core, several, or a cluster, with the same results."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def evaluate_all(
     """Returns the costs (S,) or (S, T) of samples (S, n).
 
     Args:
-        problem: Whose costs, and in what chunks.
+        problem: Its costs and chunk size.
         samples: (S, n).
-        executor: Who does the work; None: the caller.
-        known: Costs by the first sample of their chunk; what is in there is not computed again,
-            and what is computed is put there, so that an interruption loses little.
-        progress: Called with the number of samples whenever some are done.
+        executor: Evaluates chunks; None evaluates them here.
+        known: Costs by the first sample of their chunk. Chunks in it are not computed again, and
+            computed ones are added, so that an interruption loses little.
+        progress: Called with the number of samples after each chunk.
 
     Raises:
         InputError: A cost is not finite.
@@ -64,7 +64,7 @@ def _results(
     work: Callable[[Any, Array], Array]
     what: Any
     try:
-        # An evaluator that is sent keeps what it has prepared for later chunks, and updates.
+        # A worker caches the evaluator it receives, with its preparations, for later chunks.
         work, what = _costs_of_sent, pickle.dumps(evaluate)
     except (pickle.PicklingError, AttributeError, TypeError):
         work, what = costs_of, evaluate  # For executors within this process.
@@ -96,7 +96,7 @@ def _costs_of_sent(sent: bytes, samples: Array) -> Array:
 
 
 def costs_of(evaluate: Evaluate, samples: Array) -> Array:
-    """Returns what one call gives, checked: finite costs, one or a row for each sample."""
+    """Returns the checked costs of one call: finite, one or a row for each sample."""
     costs = np.asarray(evaluate(samples), dtype=float)
     if costs.ndim not in (1, 2) or len(costs) != len(samples):
         raise InputError(
@@ -109,10 +109,10 @@ def costs_of(evaluate: Evaluate, samples: Array) -> Array:
 
 @contextmanager
 def processes(jobs: int) -> Iterator[Executor | None]:
-    """Gives processes to work with, and ends them; None for one job.
+    """Provides worker processes, and ends them; None for one job.
 
-    They are spawned: Drake, VTK and Python's threads do not survive a fork. Ctrl-C is for the
-    caller, who ends them.
+    They are spawned: Drake, VTK and Python's threads do not survive a fork. They ignore Ctrl-C; the
+    caller ends them.
 
     Raises:
         InputError: The number of jobs is not positive.
@@ -127,7 +127,7 @@ def processes(jobs: int) -> Iterator[Executor | None]:
     try:
         yield pool
     except BaseException:
-        # A process that only starts while its pool goes would end with a traceback.
+        # A process still starting while its pool shuts down would end with a traceback.
         with undisturbed():
             for worker in set(active_children()) - set(others):
                 worker.terminate()
@@ -145,14 +145,14 @@ def _prepare_worker() -> None:
 
 @contextmanager
 def dask_cluster(address: str, timeout: float = 5.0) -> Iterator[Executor]:
-    """Gives the workers of a Dask cluster to work with.
+    """Provides the workers of a Dask cluster.
 
     Args:
         address: Of its scheduler, such as tcp://10.0.0.1:8786.
-        timeout: How long to wait for its answer [s].
+        timeout: Of its answer [s].
 
     Raises:
-        InputError: Dask is not installed, or nobody answers at the address.
+        InputError: Dask is not installed, or no scheduler answers at the address.
     """
     try:
         from distributed import Client

@@ -1,8 +1,8 @@
-"""Which numbers of a primitive are searched, as one vector whose entries are metres.
+"""The searched numbers of a primitive, as one vector in metres.
 
 Weights of a forcing term differ in size by a factor of 10000: late ones act while the phase is
-nearly zero. Here a parameter of one metre is a change of weights that moves the hand by one metre
-where it moves it most, so that one exploration rate suits all, as equation 3.2 wants it.
+nearly zero. Here a parameter of one metre is a change of weights whose largest displacement of the
+hand is one metre, so that one exploration rate suits all, as equation 3.2 requires.
 """
 
 from dataclasses import dataclass, replace
@@ -23,10 +23,10 @@ from pepper_drake.short_repr import short_repr
 Array = npt.NDArray[np.float64]
 
 RADIANS_PER_METRE = 2.5
-"""Joint angle [rad] that counts as one metre: it moves a hand 0.4 m away by as much."""
+"""Joint angle [rad] equivalent to one metre: it moves a hand at 0.4 m by that distance."""
 
 _STEPS = 200
-"""Steps of the grid on which changes are measured."""
+"""Steps of the time grid on which changes are computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class MovementParameters:
         primitive: Where the search starts: x = 0.
         directions: (K, M) columns: the change of weights for one metre.
         end_state: Whether the primitive's goal is searched, too.
-        posture: (L, P) columns: the change of the nominal joints' weights; None leaves them.
+        posture: (L, P) columns: the change of the nominal joints' weights; or None.
     """
 
     primitive: MovementPrimitive
@@ -53,12 +53,12 @@ class MovementParameters:
 
     @property
     def rows(self) -> int:
-        """Searched numbers of each coordinate."""
+        """Number of searched parameters per coordinate."""
         return self.directions.shape[1] + self.end_state
 
     @property
     def size(self) -> int:
-        """Searched numbers."""
+        """Number of searched parameters."""
         profile = self.primitive.posture
         if self.posture is None or profile is None:
             return 3 * self.rows
@@ -67,11 +67,10 @@ class MovementParameters:
     def weights_and_goals(self, samples: npt.ArrayLike) -> tuple[Array, Array]:
         """Returns weights (S, K, 3) and goals (S, 3) [m] of parameters (S, size).
 
-        They are those of rollouts of `primitive`; see `primitive_at` for a primitive that has
-        them as its own.
+        They are for rollouts of `primitive`; see `primitive_at` for a primitive with its own goal.
 
         Raises:
-            InputError: The parameters have another shape.
+            InputError: The parameters have the wrong shape.
         """
         x = self._checked(samples)
         changes = x[:, : 3 * self.rows].reshape(len(x), self.rows, 3)
@@ -81,7 +80,7 @@ class MovementParameters:
         return weights, goals + changes[:, -1] if self.end_state else goals
 
     def primitive_at(self, parameters: npt.ArrayLike) -> MovementPrimitive:
-        """Returns the primitive with these parameters (size,): start and end are its own."""
+        """Returns the primitive with these parameters (size,): with its own start and end."""
         weights, goals = self.weights_and_goals(np.asarray(parameters, dtype=float)[None])
         changed = self.primitive.with_weights(weights[0])
         profile = changed.posture
@@ -94,7 +93,7 @@ class MovementParameters:
         """Returns the weights (S, L, J) of the nominal joints for parameters (S, size).
 
         Raises:
-            InputError: The parameters have another shape, or the primitive has no posture.
+            InputError: The parameters have the wrong shape, or the primitive has no posture.
         """
         x = self._checked(samples)
         own = _posture_of(self.primitive).weights
@@ -112,8 +111,8 @@ class MovementParameters:
     def features(self, steps: int) -> Array:
         """Returns (steps, rows): what a change of one metre adds to the acceleration.
 
-        That is tau² y'' before the spring answers, at `steps` times from the start to the end:
-        psi in the policy of equation D.4.
+        It is the change of tau² y'' before the spring's response, at `steps` times from start to
+        end: psi in the policy of equation D.4.
         """
         attractor = self.primitive.translation
         phases = phase_at(np.linspace(0.0, 1.0, steps), attractor.alpha_x)
@@ -127,7 +126,7 @@ class MovementParameters:
 
 
 def all_weights(primitive: MovementPrimitive, *, end_state: bool = True) -> MovementParameters:
-    """Frees all weights of a primitive, one by one: the report's choice.
+    """Returns all weights of a primitive as parameters: the report's choice.
 
     Raises:
         InputError: The primitive's forcing term is not linear in weights.
@@ -141,16 +140,17 @@ def all_weights(primitive: MovementPrimitive, *, end_state: bool = True) -> Move
 def smooth_bumps(
     primitive: MovementPrimitive, count: int, *, end_state: bool = True, posture: bool = False
 ) -> MovementParameters:
-    """Frees a few smooth changes of the way, which leave start and end as they are.
+    """Returns a few smooth changes of the path as parameters, which keep its start and end.
 
-    Each is a cubic B-spline of the time with its peak at one metre; the weights are those whose
-    motion is nearest to it. A search over few parameters needs fewer rollouts.
+    Each is a cubic B-spline of time with a peak of one metre, approximated by weights in the least-
+    squares sense. A search over few parameters needs fewer rollouts.
 
     Args:
         primitive: Where the search starts.
-        count: How many.
+        count: Number of bumps.
         end_state: Whether the end is searched, too.
-        posture: Whether the nominal joints are: as many bumps, and a ramp that changes their end.
+        posture: Whether the nominal joints are, too: as many bumps, and a ramp that changes their
+            end.
 
     Raises:
         InputError: The count is not positive, the forcing term is not linear in weights, or there
@@ -171,12 +171,12 @@ def smooth_bumps(
 def joint_bumps(
     primitive: MovementPrimitive, count: int, *, end_state: bool = True
 ) -> MovementParameters:
-    """Frees the nominal joints alone, for an arm that is led by them; see `smooth_bumps`.
+    """Returns the nominal joints as parameters, for an arm led by them; see `smooth_bumps`.
 
     Args:
         primitive: Where the search starts.
         count: Number of bumps for each joint.
-        end_state: Whether there is a ramp, too, that changes where the joints end.
+        end_state: Whether a ramp changes the joints' end, too.
 
     Raises:
         InputError: The count is not positive, or there is no posture to search.
@@ -189,7 +189,7 @@ def joint_bumps(
 
 
 def _posture_directions(primitive: MovementPrimitive, count: int, *, ramp: bool) -> Array:
-    """Returns (L, count or one more): weights of bumps of the joints, and of a ramp at last."""
+    """Returns (L, count or count + 1): weights of bumps of the joints, the last a ramp."""
     times = np.linspace(0.0, 1.0, _STEPS + 1)
     wanted = RADIANS_PER_METRE * _bumps(times, count)
     if ramp:
@@ -200,7 +200,7 @@ def _posture_directions(primitive: MovementPrimitive, count: int, *, ramp: bool)
 
 
 def _bumps(times: Array, count: int) -> Array:
-    """Returns cubic B-splines (N, count) of times from 0 to 1, at rest at both, with peaks of 1."""
+    """Returns cubic B-splines (N, count) of times from 0 to 1, at rest at ends, with peaks of 1."""
     spacing = 1.0 / (count + 3)
     knots = spacing * np.arange(5)
     splines = [BSpline.basis_element(knots + k * spacing, extrapolate=False) for k in range(count)]
@@ -209,9 +209,9 @@ def _bumps(times: Array, count: int) -> Array:
 
 
 def with_end(primitive: MovementPrimitive, goal: Array) -> MovementPrimitive:
-    """Returns a primitive whose own end is `goal` (3,), and that moves there as it would have.
+    """Returns a primitive with its own end at `goal` (3,).
 
-    Its rollouts are those of `primitive` to `goal`: what the scaling would add is taken into the
+    Its rollouts are those of `primitive` to `goal`: the effect of the scaling is absorbed in the
     weights.
 
     Raises:
@@ -246,14 +246,14 @@ def _posture_of(primitive: MovementPrimitive) -> PostureProfile:
 
 
 def _linear_model(primitive: MovementPrimitive) -> LinearForcingModel:
-    _ = primitive.weights  # Says in one sentence when there are none.
+    _ = primitive.weights  # Raises InputError if there are none.
     model = primitive.translation.linear_model
     assert model is not None
     return model
 
 
 def _position_response(primitive: MovementPrimitive) -> Array:
-    """Returns (steps + 1, K + 3): the way that each weight causes; see `response_matrix`."""
+    """Returns (steps + 1, K + 3): the path that each weight causes; see `response_matrix`."""
     alpha_z = primitive.translation.alpha_z
     return response_matrix(_linear_model(primitive), _STEPS, 1.0 / _STEPS, alpha_z)[: _STEPS + 1]
 

@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Pi2Cma(GaussianSearch):
-    """PI2 whose exploration follows the samples that did well.
+    """PI2 whose exploration adapts to the samples of low cost.
 
     With S_ik the cost-to-go of sample k from step i on, and N steps,
 
@@ -25,11 +25,11 @@ class Pi2Cma(GaussianSearch):
         theta <- sum_i (N - i) theta_i / sum_i (N - i), and Sigma likewise:
 
     temporal averaging, in which early steps count more, as more depends on them. All is linear in
-    P, so it comes down to one weight for each sample. Where costs come without steps N is 1.
+    P, so it reduces to one weight per sample. For costs without steps N is 1.
 
-    A handful of samples says nothing about most directions: Sigma moves to the new one by a
-    learning rate (1 is the paper's), and its eigenvalues are kept above a share of the first
-    ones', as the paper does to keep exploring.
+    A few samples do not determine most directions: Sigma moves to the new one by a learning rate (1
+    in the paper), and its eigenvalues are kept above a share of the initial ones, as in the paper,
+    to keep exploring.
     """
 
     def __init__(
@@ -50,9 +50,9 @@ class Pi2Cma(GaussianSearch):
             problem: What is minimised.
             samples: Of each update.
             seed: Of the samples.
-            rate: r, the variance of the exploration; the problem's if left out.
+            rate: r, the initial variance of the exploration; the problem's if left out.
             eliteness: h.
-            learning_rate: How far Sigma moves to what the samples say, above 0 and at most 1.
+            learning_rate: Of Sigma, above 0 and at most 1.
             least: The smallest eigenvalue of Sigma, as a share of r.
             threshold: It has converged when an update changes Sigma by less than this, relative
                 to the first Sigma.

@@ -16,22 +16,22 @@ Array = npt.NDArray[np.float64]
 
 
 class Power(GaussianSearch):
-    """PoWER with exploration that depends on the state, held over each rollout.
+    """PoWER with state-dependent exploration, held over each rollout.
 
     The policy is a = (theta + eps)' psi (D.4, D.5 with eps(psi) = eps' psi): for a primitive, psi
-    is what its parameters add to the acceleration, which the phase decides. An update is the
-    weighted regression D.6 of the actions of the best rollouts h so far (the paper's importance
+    is the acceleration per parameter, a function of the phase. An update is the weighted regression
+    D.6 of the actions of the best rollouts h so far (the paper's importance
     sampler) on psi, for each coordinate,
 
         theta <- theta + (sum_ht W_t Q_ht)^-1 sum_ht W_t Q_ht (theta_h - theta),
         W_t = psi_t psi_t' / (psi_t' Sigma psi_t),
 
-    with Q_ht > 0 from the cost-to-go of rollout h at step t: its exponential on a scale from 1 (the
-    cheapest of those kept) to exp(-h). Where costs come without steps, or the problem without
-    features, Q_h is one number and theta the average of the rollouts that it weights.
+    with Q_ht > 0 from the cost-to-go of rollout h at step t: its exponential, scaled from 1 (the
+    cheapest of those kept) to exp(-h). For costs without steps, or a problem without features, Q_h
+    is one number and theta the weighted average of the rollouts.
 
-    The exploration is learned as well: the variance of each parameter becomes the mean of
-    (theta_h - theta)² weighted with the returns, within a band around the first.
+    The exploration is learned as well: the variance of each parameter becomes the return-weighted
+    mean of (theta_h - theta)², within a band below the initial variance.
     """
 
     def __init__(
@@ -52,10 +52,10 @@ class Power(GaussianSearch):
             problem: What is minimised.
             samples: Rollouts of each update.
             seed: Of the exploration.
-            rate: Variance of the exploration at first; the problem's if left out.
-            kept: How many of the best rollouts count.
-            eliteness: h, how much the best counts above the worst of those.
-            band: By what factor the exploration's deviation may become smaller than at first.
+            rate: Initial variance of the exploration; the problem's if left out.
+            kept: Number of best rollouts that count.
+            eliteness: h, the exponent of the best one's weight relative to the worst of those.
+            band: Largest factor by which the exploration's deviation may shrink.
             threshold: It has converged when no variance changes by this share of the first.
 
         Raises:
@@ -111,10 +111,10 @@ def policy_step(explored: Array, returns: Array, features: Array | None, varianc
     """Returns equation D.6: the change (n,) of theta.
 
     Args:
-        explored: (H, n) what each rollout's parameters differ from theta.
+        explored: (H, n) exploration noise: each rollout's parameters minus theta.
         returns: (H, T) positive Q.
         features: (T, R) psi, where n = R times the number of coordinates and the coordinates of a
-            feature stand side by side; None for policies without steps.
+            feature are adjacent; None for policies without steps.
         variances: (n,) of the exploration.
     """
     if features is None:

@@ -1,4 +1,4 @@
-"""A tutor's scores of reproductions as a cost: from a file, or typed as they are asked for."""
+"""A tutor's scores of reproductions as a cost: from a file, or typed on request."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -28,18 +28,17 @@ def rating_cost(scores: npt.ArrayLike) -> Array:
 class RatingCollector:
     """Shows reproductions and collects scores.
 
-    Each reproduction is left as a primitive, to be performed, and those of an update are drawn in
-    one picture. Scores are kept in
-    a file, one a line, in the order of the reproductions: those that are there are taken from
-    there, those that are typed are added, so that none is asked for twice.
+    Each reproduction is saved as a primitive, to be performed, and those of an update are drawn in
+    one picture. Scores are in a file, one per line, in the order of the reproductions: existing
+    ones are read, typed ones are added, so that none is asked for twice.
 
     Attributes:
-        parameters: What the numbers of a sample mean.
-        folder: Where the reproductions are left.
+        parameters: Meaning of a sample's numbers.
+        folder: Where the reproductions are saved.
         scores: The file of scores.
         draw: Draws reproductions (by number) beside the primitive and saves them as a picture.
         ask: Shows a question and returns the answer; None to take scores from the file only.
-        rated: How many reproductions were rated in updates that are over.
+        rated: Number of reproductions rated in finished updates.
     """
 
     parameters: MovementParameters
@@ -51,7 +50,7 @@ class RatingCollector:
     _known: list[float] = field(default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
-        """Reads the scores that there are."""
+        """Reads existing scores."""
         self.folder.mkdir(parents=True, exist_ok=True)
         if self.scores.exists() or self.ask is None:
             self._known = load_scores(self.scores)
@@ -101,7 +100,7 @@ class RatingCollector:
 
 
 def rated(evaluate: Evaluate, tutor: RatingCollector, weight: float) -> Evaluate:
-    """Returns an evaluator that adds the tutor's rating to what another one gives."""
+    """Returns an evaluator that adds the tutor's rating to another one's costs."""
 
     def evaluate_and_rate(samples: Array) -> Array:
         costs = np.array(evaluate(samples), dtype=float)
@@ -115,7 +114,7 @@ def rated(evaluate: Evaluate, tutor: RatingCollector, weight: float) -> Evaluate
 
 
 def load_scores(path: Path) -> list[float]:
-    """Loads scores, one a line; # starts a comment.
+    """Loads scores, one per line; # starts a comment.
 
     Raises:
         InputError: With file and line.

@@ -35,15 +35,15 @@ def search(
 
     Args:
         problem: What is minimised.
-        optimizer: A fresh one: it is told all that the history holds first.
-        updates: How many there should be in all, unless the search converges before.
-        history: Of a search that was interrupted; it is carried on in place. Whenever this
-            function is left, by Ctrl-C, too, it holds all that was evaluated.
-        executor: Who evaluates; None: the caller.
-        evaluate_means: Whether the cost of the mean is evaluated after each update. It is for the
-            record: no method is told it.
-        target: The search ends when a cost of this or less was found.
-        progress: Called with the number of samples whenever some are evaluated.
+        optimizer: A new one, to which the history is replayed first.
+        updates: Number of updates in all, unless the search converges before.
+        history: Of an interrupted search; it is continued in place. Whenever this function is left,
+            even by Ctrl-C, it holds everything evaluated.
+        executor: Evaluates chunks; None evaluates them here.
+        evaluate_means: Whether the cost of the mean is evaluated after each update, for the record:
+            no method uses it.
+        target: The search ends at a cost of this or less.
+        progress: Called with the number of samples after each chunk.
         on_update: Called with the history after each update.
 
     Returns:
@@ -55,7 +55,7 @@ def search(
     history = History() if history is None else history
     replay(optimizer, history)
     if len(history.mean_costs) == history.updates:
-        # It has not begun yet, or was interrupted while the last mean was evaluated.
+        # Not begun yet, or interrupted in the evaluation of the last mean.
         _add_mean(history, problem, optimizer, evaluate_means)
     while history.updates < updates and not optimizer.converged and not history.best()[1] <= target:
         samples = optimizer.ask()
@@ -73,7 +73,7 @@ def search(
 
 
 def replay(optimizer: Optimizer, history: History) -> None:
-    """Tells a fresh optimizer all that another was told, which makes it the same.
+    """Tells a new optimizer the costs in a history, which restores the state of the search.
 
     Raises:
         InputError: It asks for other samples than the history holds.

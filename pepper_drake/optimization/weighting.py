@@ -1,4 +1,4 @@
-"""From costs to weights: the cheaper a sample, the more it counts."""
+"""From costs to weights: cheaper samples weigh more."""
 
 import numpy as np
 import numpy.typing as npt
@@ -6,14 +6,14 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 ELITENESS = 10.0
-"""Exponent of the weights of a normalised batch: the best counts exp(10) times the worst."""
+"""Exponent of the weights of a normalised batch: the best weighs exp(10) times the worst."""
 
 
 def normalized(costs: Array, axis: int = 0) -> Array:
     """Returns the costs on a scale from -1 (the worst) to 0 (the best); 0 where all are equal.
 
-    It is the "normalize" of algorithm 3, with the sign that makes exp(c) of equation 3.1 prefer
-    what is cheap. Neither a shift nor a scale of the costs changes it.
+    It is the "normalize" of algorithm 3, with the sign with which exp(c) of equation 3.1 prefers
+    low costs. It is invariant to shift and scale of the costs.
     """
     least, most = costs.min(axis=axis, keepdims=True), costs.max(axis=axis, keepdims=True)
     spread = most - least
@@ -27,5 +27,5 @@ def exponential_weights(costs: Array, eliteness: float = ELITENESS, axis: int = 
 
 
 def best(costs: Array, count: int) -> npt.NDArray[np.intp]:
-    """Returns the indices of the cheapest, the cheapest first; the earlier one where they tie."""
+    """Returns the indices of the cheapest samples, in order; of equal ones the earlier first."""
     return np.argsort(costs, kind="stable")[:count]

@@ -1,4 +1,4 @@
-"""Images to geometry, as plain functions: cameras, markers, goal, clouds, memory, stereo."""
+"""Perception as plain functions: cameras, markers, goal, point clouds, obstacle map, stereo."""
 
 from pepper_drake.perception.cameras.camera import (
     CAMERA_BOTTOM,

@@ -20,20 +20,20 @@ COVERED_WITHIN = 0.01
 """A true surface is covered where a point of the cloud is closer than this [m]."""
 
 INCONSISTENT_BEYOND = 0.03
-"""A point farther than this from every true surface shows something that does not exist [m]."""
+"""A point farther than this from every true surface is an outlier [m]."""
 
 _FARTHEST = 0.1
-"""Distance to a surface beyond which none is computed [m]: such points are inconsistent anyway."""
+"""Largest distance to a surface that is computed [m]: points beyond are outliers anyway."""
 
 
 class TrueSurfaces:
-    """The surfaces of some shapes, exactly."""
+    """The exact surfaces of some shapes."""
 
     def __init__(self, shapes: Sequence[tuple[Shape, RigidTransform]]) -> None:
-        """Takes the shapes.
+        """Makes the surfaces.
 
         Args:
-            shapes: Each with its pose in W.
+            shapes: The shapes, each with its pose in W.
         """
         self._scene_graph = SceneGraph()
         source = self._scene_graph.RegisterSource("truth")
@@ -65,16 +65,16 @@ class TrueSurfaces:
 
 @dataclass(frozen=True)
 class CloudReport:
-    """Figures of a cloud in `report.json`.
+    """Metrics of a cloud in `report.json`.
 
     Attributes:
-        points: Their number.
-        rms_error: Root mean square distance of the consistent points from the true surfaces [m].
-        bias: The shift (x, y, z) of the whole cloud in W that explains its errors best [m].
-        coverage: Share of the visible true surface within 1 cm of a point.
-        outlier_share: Share of points farther than 3 cm from any true surface.
-        robot_points: Points that show the robot's own body.
-        goal_points: Points that show the goal object.
+        points: Number of points.
+        rms_error: Root mean square distance of the inliers from the true surfaces [m].
+        bias: The translation (x, y, z) of the whole cloud in W that best explains its errors [m].
+        coverage: Fraction of the visible true surface within 1 cm of a point.
+        outlier_share: Fraction of points farther than 3 cm from any true surface.
+        robot_points: Number of points on the robot's own body.
+        goal_points: Number of points on the goal object.
     """
 
     points: int
@@ -95,12 +95,12 @@ def evaluate_cloud(
     robot: TrueSurfaces,
     goal: TrueSurfaces,
 ) -> CloudReport:
-    """Compares a cloud of obstacles with the truth.
+    """Compares a cloud of obstacles with the ground truth.
 
     Args:
         points: The cloud (N, 3) [m], in W.
         obstacles: The true surfaces of all obstacles.
-        visible: Points (M, 3) spread evenly over what is visible of them.
+        visible: Points (M, 3) spread evenly over their visible part.
         robot: The robot's true surfaces.
         goal: The goal object's true surfaces.
     """
@@ -119,11 +119,11 @@ def evaluate_cloud(
 
 
 def best_shift(points: Array, closest: Array) -> tuple[float, float, float]:
-    """Finds the shift of a cloud that explains its distances from the surfaces best.
+    """Finds the translation of a cloud that best explains its distances from the surfaces.
 
-    The mean of the error vectors would hide a shift along x that only the few surfaces facing x
-    can show. This is the least-squares translation of the point-to-plane distances, as in one step
-    of point-to-plane ICP; a direction in which no surface faces gets none.
+    The mean of the error vectors would hide a shift along x, which only the few surfaces facing x
+    reveal. This is the least-squares translation of the point-to-plane distances, as in one step
+    of point-to-plane ICP; it is zero in directions that no surface faces.
 
     Args:
         points: (N, 3) [m].
@@ -136,7 +136,7 @@ def best_shift(points: Array, closest: Array) -> tuple[float, float, float]:
         return (0.0, 0.0, 0.0)
     normals = error[moved] / length[moved, None]
     information = normals.T @ normals
-    # A thousandth of the points have to face a direction for a shift along it to be told.
+    # A shift is determined only along directions that a thousandth of the points face.
     damping = 1e-3 * len(points) * np.eye(3)
     shift = np.linalg.solve(information + damping, normals.T @ length[moved])
     return (float(shift[0]), float(shift[1]), float(shift[2]))
@@ -147,7 +147,7 @@ def coverage(
     visible: npt.NDArray[np.floating],
     within: float = COVERED_WITHIN,
 ) -> float:
-    """Returns the share of visible surface points (M, 3) within 1 cm of a cloud's point (N, 3)."""
+    """Returns the fraction of visible surface points (M, 3) within 1 cm of a cloud (N, 3)."""
     if len(visible) == 0:
         return 1.0
     if len(points) == 0:
@@ -165,15 +165,15 @@ def visible_surface(
     max_range: float,
     spacing: float = 0.004,
 ) -> npt.NDArray[np.float32]:
-    """Spreads points evenly over the surfaces that a perfect depth image shows.
+    """Samples the surfaces in a perfect depth image evenly.
 
     Args:
         depth: Perfect depth image (height, width) [m].
         intrinsics: The camera.
         X_WC: Its pose.
-        shown: Which pixels count (height, width): those of obstacles.
-        max_range: Farthest distance from the camera that counts [m].
-        spacing: Distance of the points [m]; where pixels are sparser, there is one for each.
+        shown: Mask of the pixels of obstacles (height, width).
+        max_range: Largest distance from the camera that counts [m].
+        spacing: Spacing of the points [m]; one per pixel where pixels are sparser.
 
     Returns:
         (M, 3) [m], in W.
@@ -190,7 +190,7 @@ def visible_surface(
 def _count_foreign(
     points: npt.NDArray[np.floating], obstacle_distance: Array, foreign: TrueSurfaces
 ) -> int:
-    """Counts the points that lie on a foreign surface rather than on an obstacle."""
+    """Counts the points that are closer to a foreign surface than to an obstacle."""
     if len(points) == 0:
         return 0
     distance = foreign.closest(points)[1]

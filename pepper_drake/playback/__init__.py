@@ -1,1 +1,1 @@
-"""Playback of what was recorded: runs, demonstrations and primitives, from their files alone."""
+"""Playback of recorded runs, demonstrations and primitives, from their files alone."""

@@ -1,4 +1,4 @@
-"""Body poses at every frame, by Drake's kinematics of the recorded joints, no simulation."""
+"""Body poses at every frame, by forward kinematics of the recorded joints; no simulation."""
 
 from dataclasses import dataclass
 
@@ -28,9 +28,9 @@ class Part:
     """A shape S that is fixed to a body B.
 
     Attributes:
-        name: Unique within its body.
+        name: Name, unique within the body.
         shape: The shape.
-        X_BS: (4, 4).
+        X_BS: (4, 4) pose of the shape.
         color: RGBA.
     """
 
@@ -45,9 +45,9 @@ class MovingBody:
     """A body B over F frames.
 
     Attributes:
-        name: Unique among the bodies of a motion.
-        is_robot: Whether it is a part of Pepper.
-        parts: Its shapes.
+        name: Name, unique among the bodies of a motion.
+        is_robot: Whether the body is part of Pepper.
+        parts: Shapes of the body.
         translations: (F, 3) of X_WB [m].
         quaternions: (F, 4) of X_WB, w, x, y, z.
     """
@@ -61,17 +61,17 @@ class MovingBody:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """A motion as a series of pictures would show it.
+    """A motion, sampled at the frames of a playback.
 
     Attributes:
         motion: The motion.
         times: (F,) since the first frame [s].
-        clock: (F,) the motion's times that they show [s].
-        yaw: Where Pepper faces when the arm starts, from W's x axis [rad].
-        bodies: All bodies that can be seen.
-        hand_W: (K, 3) the hand's path from when the arm starts.
-        shown_W: (M, 3) the demonstrated path, from where the hand starts.
-        cloud_W: (P, 3) the obstacles as they were seen.
+        clock: (F,) time of each frame in the motion [s].
+        yaw: Heading of Pepper when the arm starts, from W's x axis [rad].
+        bodies: All visible bodies.
+        hand_W: (K, 3) the hand's path after the arm's start.
+        shown_W: (M, 3) the demonstrated path, shifted to begin where the hand starts.
+        cloud_W: (P, 3) the perceived obstacle cloud.
     """
 
     motion: Motion
@@ -84,16 +84,16 @@ class Frames:
     cloud_W: Vector
 
     def at_frames(self, values: Vector) -> Vector:
-        """Values (F,) at the frames, interpolated from values (N,) at the motion's times."""
+        """Interpolates values (N,) at the motion's times to the frames (F,)."""
         return np.interp(self.clock, self.motion.times, values)
 
 
 class RecordedModel:
-    """Pepper and the scene of a motion, put where they were.
+    """Model of Pepper and the scene of a motion, for the recorded positions.
 
     Attributes:
-        plant: The finalized plant; nothing is ever simulated with it.
-        scene_graph: Its shapes.
+        plant: The finalized plant; it is never simulated.
+        scene_graph: The plant's shapes.
     """
 
     def __init__(self, motion: Motion) -> None:
@@ -117,20 +117,20 @@ class RecordedModel:
         self._columns = {name: self.column(name) for name in motion.positions}
 
     def column(self, joint: str) -> int:
-        """Index of a joint of one degree of freedom in the plant's positions."""
+        """Returns the index of a one-degree-of-freedom joint in the plant's positions."""
         if not self.plant.HasJointNamed(joint):
             raise InputError(f'{self.motion.name}: there is no joint "{joint}"; record it again')
         return int(self.plant.GetJointByName(joint).position_start())
 
     def positions(self, times: Vector) -> Vector:
-        """The plant's positions (F, n) at times (F,), linear between the samples."""
+        """Returns the plant's positions (F, n) at times (F,), linear between the samples."""
         positions = np.tile(self._resting, (len(times), 1))
         for name, column in self._columns.items():
             positions[:, column] = np.interp(times, self.motion.times, self.motion.positions[name])
         return positions
 
     def frame_poses(self, frame: str, times: Vector) -> list[RigidTransform]:
-        """The poses X_WF of a frame of Pepper at times (F,)."""
+        """Returns the poses X_WF of a frame of Pepper at times (F,)."""
         F, poses = self.plant.GetFrameByName(frame), []
         for positions in self.positions(times):
             self.plant.SetPositions(self._context, positions)
@@ -138,7 +138,7 @@ class RecordedModel:
         return poses
 
     def bodies(self, times: Vector) -> tuple[MovingBody, ...]:
-        """All bodies that are shown to people, where they are at times (F,)."""
+        """Returns all visible bodies, with their poses at times (F,)."""
         shown = [
             (body, parts)
             for index in range(self.plant.num_bodies())
@@ -167,10 +167,10 @@ class RecordedModel:
         inspector = self.scene_graph.model_inspector()
         parts = []
         for geometry in self.plant.GetVisualGeometriesForBody(body):
-            looks = inspector.GetIllustrationProperties(geometry)
-            if looks is None:  # Made for cameras.
+            properties = inspector.GetIllustrationProperties(geometry)
+            if properties is None:  # A shape for the cameras only.
                 continue
-            color = looks.GetPropertyOrDefault("phong", "diffuse", Rgba(0.9, 0.9, 0.9, 1.0))
+            color = properties.GetPropertyOrDefault("phong", "diffuse", Rgba(0.9, 0.9, 0.9, 1.0))
             parts.append(
                 Part(
                     inspector.GetName(geometry).replace("::", "_"),
@@ -183,11 +183,11 @@ class RecordedModel:
 
 
 def replay_frames(motion: Motion, *, from_arm: bool = False) -> Frames:
-    """Computes where everything was, 30 times a second.
+    """Computes all poses, at 30 frames per second.
 
     Args:
         motion: A loaded motion.
-        from_arm: Whether to begin when the arm starts, and not when the robot does.
+        from_arm: Whether to begin at the arm's start, not at the robot's.
     """
     model = RecordedModel(motion)
     begin = motion.arm_starts if from_arm else float(motion.times[0])
@@ -227,7 +227,7 @@ def _in_world(X_WT: RigidTransform, points_T: Vector) -> Vector:
 
 
 def _bare_hand(motion: Motion, X_WT: RigidTransform, clock: Vector) -> MovingBody:
-    """A ball, and axes if its orientation is known, where no arm can show the hand."""
+    """Returns a ball, with axes if the orientation is known, for a motion without arm joints."""
     assert motion.hand_T is not None
     positions_T = np.column_stack([np.interp(clock, motion.times, p) for p in motion.hand_T.T])
     parts = [Part("hand", Sphere(0.025), np.eye(4), _HAND_COLOR)]

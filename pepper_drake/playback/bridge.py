@@ -1,4 +1,4 @@
-"""meshcat's own server, let in on by nobody else and disturbed by no message."""
+"""meshcat's own server, with access control and protection against invalid messages."""
 
 import contextlib
 import json
@@ -21,26 +21,26 @@ from pepper_drake.web.guarded_handler import GuardedHandler
 from pepper_drake.web.page_server import quiet_tornado
 
 _PATIENCE = 8.0
-"""Time [s] that a command waits for a browser."""
+"""Timeout of commands that wait for a browser [s]."""
 _IMAGE_LIMIT = 64 * 2**20
-"""Largest picture that a browser sends [bytes]."""
+"""Largest image that a browser may send [bytes]."""
 _COMMANDS = ("set_transform", "set_object", "delete", "set_property", "set_animation")
 _QUERIES = ("url", "get_scene")
 
 
 class Bridge(ZMQWebSocketBridge):
-    """meshcat's server for those whom an access admits, which can also be told to quit.
+    """meshcat's server with access control and a command to quit.
 
-    It answers each command, whatever it is: a REP socket that does not is stuck for good. What a
-    browser sends that was not asked for closes that browser's connection.
+    It answers every command, since a REP socket that does not answer blocks for ever. An
+    unrequested message from a browser closes that browser's connection.
     """
 
     def __init__(self, zmq_url: str, access: Access) -> None:
-        """Listens.
+        """Starts to listen.
 
         Args:
-            zmq_url: Where commands come from.
-            access: Who may open the window.
+            zmq_url: Address for commands.
+            access: The addresses and tokens that may open the window.
         """
         self._access = access
         self._image: object | None = None
@@ -48,7 +48,7 @@ class Bridge(ZMQWebSocketBridge):
         self.web_url = access.url(self.fileserver_port, "/static/")
 
     def make_app(self) -> tornado.web.Application:
-        """Makes the web server, which listens where the access says."""
+        """Makes the web server, which listens at the access's host."""
         quiet_tornado()
         access = self._access
         static = {"path": os.path.abspath(VIEWER_ROOT), "default_filename": VIEWER_HTML}
@@ -112,7 +112,7 @@ class Bridge(ZMQWebSocketBridge):
         self.ioloop.call_later(_PATIENCE, give_up)
 
     def take_image(self, message: str | bytes) -> bool:
-        """Answers with a picture that a browser sent; returns whether it was asked for."""
+        """Forwards an image from a browser to the client; returns whether it was requested."""
         if self._image is None:
             return False
         data = json.loads(message)["data"]
@@ -125,7 +125,7 @@ class Bridge(ZMQWebSocketBridge):
 
 
 class _Application(tornado.web.Application):
-    """An application that listens at its own host, whoever starts it."""
+    """An application that always listens at its own host."""
 
     host = ""
 
@@ -134,7 +134,7 @@ class _Application(tornado.web.Application):
 
 
 class _Files(GuardedHandler, StaticFileHandlerNoCache):
-    """The viewer; only its page is somebody's."""
+    """The viewer's files; only its page needs access."""
 
     def initialize(self, access: Access, path: str, default_filename: str) -> None:
         self.guard(access, public=self.request.path not in ("/static/", "/static/index.html"))
@@ -163,7 +163,7 @@ class _Window(GuardedHandler, WebSocketHandler):
 
 
 def _is_command(frames: list[bytes]) -> bool:
-    """Tells whether a viewer could read it."""
+    """Returns whether a viewer can read a message."""
     try:
         frames[1].decode()
         fields = msgpack.unpackb(frames[2], strict_map_key=False)

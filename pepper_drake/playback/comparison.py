@@ -1,4 +1,4 @@
-"""Motions beside one another, in figures."""
+"""Comparison of motions by figures."""
 
 from collections.abc import Sequence
 
@@ -14,11 +14,11 @@ _DECIMALS = {"mm": 1, "deg": 1}
 
 
 def compare(runs: Sequence[Frames]) -> dict[str, list[str]]:
-    """Returns what there is to say of motions.
+    """Compares motions by their figures.
 
     Returns:
-        By the name of a figure a text for each motion, empty where the motion has no such figure;
-        names in the order in which motions bring them.
+        A text for each motion, by the figure's name; empty if the motion lacks that figure. Names
+        are in the order of their first occurrence.
     """
     figures = [dict(run.motion.figures) for run in runs]
     for run, own in zip(runs[1:], figures[1:], strict=True):
@@ -30,8 +30,8 @@ def compare(runs: Sequence[Frames]) -> dict[str, list[str]]:
 
 def farthest(path: Vector, reference: Vector) -> float:
     """Returns the largest distance of a path's points (K, 3) from a reference path (L, 3) [m]."""
-    apart = np.linalg.norm(path[:, None, :] - reference[None, :, :], axis=2)
-    return float(apart.min(axis=1).max())
+    pairwise = np.linalg.norm(path[:, None, :] - reference[None, :, :], axis=2)
+    return float(pairwise.min(axis=1).max())
 
 
 def _text(name: str, value: str | float) -> str:
@@ -42,7 +42,7 @@ def _text(name: str, value: str | float) -> str:
 
 
 def table(runs: Sequence[Frames]) -> str:
-    """Returns the comparison as lines for a terminal: a column for each motion."""
+    """Returns the comparison as lines for a terminal, with one column per motion."""
     rows = {"": [run.motion.name for run in runs], **compare(runs)}
     first = max(len(name) for name in rows)
     widths = [max(len(texts[k]) for texts in rows.values()) for k in range(len(runs))]

@@ -21,15 +21,15 @@ from pepper_drake.playback.meshcat_shapes import Tube, material, meshcat_object
 from pepper_drake.playback.motion import Vector
 
 ROOT = "/pepper_drake"
-"""The path below which everything is drawn."""
+"""Root path of all drawn objects."""
 
 RUN_COLORS = ("#1668b0", "#d9601a", "#2f8f46", "#8a4fb0", "#c23a4b", "#0f8f96", "#8a6a3a")
-"""A colour for each motion, again from the start when there are more."""
+"""Colours of the motions, repeated if there are more."""
 
 _GHOST_OPACITY = 0.38
-_GHOST_TINT = 0.6  # Share of the run's colour in a ghost's.
+_GHOST_TINT = 0.6  # Fraction of the run's colour in a ghost's.
 _PATH_RADIUS, _SHOWN_RADIUS, _CLOUD_POINT = 0.003, 0.002, 0.008  # [m]
-_PATH_STEP = 0.002  # Least distance of a path's points [m].
+_PATH_STEP = 0.002  # Smallest distance between a path's points [m].
 _SHOWN_COLOR, _CLOUD_COLOR = (0.05, 0.05, 0.05), (0.85, 0.33, 0.10)
 _SKY, _GROUND = (0.97, 0.98, 0.99), (0.80, 0.84, 0.88)
 _KEY_TOLERANCE = 2e-4  # Of positions [m] and of quaternions.
@@ -39,7 +39,7 @@ _CONTROL = "show / hide figures"
 
 @dataclass(frozen=True)
 class Command:
-    """One message to the viewer: its type and path, and its msgpack form."""
+    """One message to the viewer: its type, its path and the msgpack data."""
 
     kind: str
     path: str
@@ -47,10 +47,10 @@ class Command:
 
 
 def draw(runs: Sequence[Frames]) -> list[Command]:
-    """Draws motions over one another.
+    """Draws motions on top of one another.
 
     The first has its own colours; further ones are ghosts in the colour of their hand path.
-    What stands in a further scene just as in the first one is not drawn again.
+    Objects that are identical in the first scene are not drawn again.
 
     Args:
         runs: The motions' frames.
@@ -72,7 +72,7 @@ def draw(runs: Sequence[Frames]) -> list[Command]:
 
 
 def run_color(index: int) -> tuple[float, float, float]:
-    """The colour (RGB, 0 to 1) of the motion with this index."""
+    """Returns the colour (RGB, 0 to 1) of the motion with this index."""
     code = RUN_COLORS[index % len(RUN_COLORS)]
     red, green, blue = (int(code[k : k + 2], 16) / 255 for k in (1, 3, 5))
     return red, green, blue
@@ -98,7 +98,7 @@ def _background(run: Frames) -> list[Command]:
 
 
 def _view(run: Frames) -> dict[str, list[float]]:
-    """Camera position and target in W: from the arm's side, past the hand to the robot."""
+    """Returns camera position and target in W: from the arm's side, past the hand to the robot."""
     side = 1.0 if run.motion.arm == "left" else -1.0
     cos, sin = np.cos(run.yaw), np.sin(run.yaw)
     R_WP = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -123,7 +123,7 @@ def _body(body: MovingBody, path: str, ghost: tuple[float, float, float] | None)
 
 
 def _same(one: MovingBody, other: MovingBody) -> bool:
-    """True if two objects of a scene look the same and are at the same place all the time."""
+    """True if two objects of a scene look the same and have the same pose at all times."""
     if one.is_robot or one.name != other.name or len(one.parts) != len(other.parts):
         return False
     count = min(len(one.translations), len(other.translations))
@@ -138,7 +138,7 @@ def _same(one: MovingBody, other: MovingBody) -> bool:
 
 
 def _animate(animation: Animation, path: str, body: MovingBody) -> None:
-    """Adds a body's motion to the animation, with no more key frames than it takes."""
+    """Adds a body's motion to the animation, with as few key frames as possible."""
     tracks = {}
     for name, kind, values in (
         ("position", "vector3", body.translations),
@@ -152,26 +152,26 @@ def _animate(animation: Animation, path: str, body: MovingBody) -> None:
 
 
 def key_frames(values: Vector, tolerance: float = _KEY_TOLERANCE) -> npt.NDArray[np.intp]:
-    """Returns the frames from which linear interpolation gives the others.
+    """Returns key frames from which linear interpolation reproduces the others.
 
-    Every second frame goes if its neighbours give it within `tolerance`; then every second of what
-    is left, and so on, with half the tolerance each time: no value is off by more than its double.
+    Every second frame is removed if its neighbours interpolate it within `tolerance`, then every
+    second of the rest, and so on, with half the tolerance each time: errors stay below twice it.
 
     Args:
         values: (F, n) a track's values, F of at least 2.
-        tolerance: In the values' units.
+        tolerance: Tolerance in the values' units.
 
     Returns:
-        Increasing indices, the first and the last frame among them.
+        Increasing indices, including the first and the last frame.
     """
     keys = np.arange(len(values))
     for halvings in range(_HALVINGS):
         middle = keys[1:-1:2]
         before, after = keys[0:-2:2], keys[2::2]
-        share = ((middle - before) / (after - before))[:, None]
-        guess = (1 - share) * values[before] + share * values[after]
-        off = np.max(np.abs(guess - values[middle]), axis=1, initial=0.0)
-        keys = np.setdiff1d(keys, middle[off < tolerance / 2**halvings])
+        fraction = ((middle - before) / (after - before))[:, None]
+        interpolated = (1 - fraction) * values[before] + fraction * values[after]
+        error = np.max(np.abs(interpolated - values[middle]), axis=1, initial=0.0)
+        keys = np.setdiff1d(keys, middle[error < tolerance / 2**halvings])
     return keys
 
 
@@ -193,21 +193,21 @@ def _hand_paths(
 def _tube(
     points: Vector, path: str, color: tuple[float, float, float], radius: float
 ) -> list[Command]:
-    """A path as a tube; nothing where it is too short to be seen."""
-    apart = points[:1]
+    """Draws a path as a tube; returns no command if the path is too short."""
+    distinct = points[:1]
     for point in points:
-        # A curve through points that coincide has no direction there.
-        if np.linalg.norm(point - apart[-1]) > _PATH_STEP:
-            apart = np.vstack((apart, point))
-    if len(apart) < 2:
+        # A curve has no tangent at coincident points.
+        if np.linalg.norm(point - distinct[-1]) > _PATH_STEP:
+            distinct = np.vstack((distinct, point))
+    if len(distinct) < 2:
         return []
-    return [_message(SetObject(Tube(apart, radius), material((*color, 1.0)), path=_path(path)))]
+    return [_message(SetObject(Tube(distinct, radius), material((*color, 1.0)), path=_path(path)))]
 
 
 def _control_bar(runs: Sequence[Frames]) -> Command:
-    """The bar with play, step, speed and time, and the table: a control of meshcat's own panel.
+    """Returns meshcat's panel control with the table and the bar with play, step, speed and time.
 
-    Its callback is the script `player.js`, which the viewer runs once when it gets the control.
+    Its callback is the script `player.js`, which the viewer runs once, on receiving the control.
     """
     rows = compare(runs)
     data = {
@@ -239,7 +239,7 @@ def _control_bar(runs: Sequence[Frames]) -> Command:
 
 
 def _stages(run: Frames) -> list[tuple[int, str, int]]:
-    """For each stage the frame where it begins, its name, and its place among the stages."""
+    """Returns for each stage the first frame, the name, and the number of that name."""
     names = list(dict.fromkeys(name for _, name in run.motion.stages))
     begins = [int(np.searchsorted(run.clock, time)) for time, _ in run.motion.stages]
     return [

@@ -1,7 +1,7 @@
-"""Motions in the files of other tools, with NAOqi's joint names and ROS' frame names.
+"""Export of motions to the file formats of other tools, with NAOqi's joint and ROS' frame names.
 
 The hand's pose is that of its control frame (`r_hand_effector`, `l_hand_effector`) in `torso`, by
-forward kinematics where the arm's joints are known.
+forward kinematics if the arm's joints are known.
 """
 
 import json
@@ -25,23 +25,23 @@ Array = npt.NDArray[np.float64]
 
 FRAME = "torso"
 TIMELINE_RATE = 25
-"""Frames a second of a timeline: Choregraphe's default."""
+"""Frames per second of a timeline: Choregraphe's default."""
 
 EXTRA = 'pip install "pepper-drake[formats]"'
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Content of a motion that can be exported.
+    """The exportable content of a motion.
 
     Attributes:
-        name: The motion's.
+        name: Name of the motion.
         hand_frame: Name of the hand's frame.
         times: (N,) [s], from 0.
         joint_names: J names.
-        joints: (N, J) [rad]; hands, the last, run from 0, closed, to 1, open.
+        joints: (N, J) [rad]; the hands come last, from 0, closed, to 1, open.
         positions: (N, 3) of the hand in T [m], or None.
-        rotations: (N, 4) unit quaternions w, x, y, z, or None.
+        rotations: (N, 4) unit quaternions w, x, y, z of the hand, or None.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Recording:
 
 
 def recording_of(motion: Motion) -> Recording:
-    """Returns what can be written of a motion."""
+    """Returns the exportable content of a motion."""
     names = tuple(name for name in BODY_JOINTS if name in motion.positions)
     count = len(motion.times)
     hands = tuple(name for name in HANDS if name in motion.hands)
@@ -77,13 +77,13 @@ def recording_of(motion: Motion) -> Recording:
 
 
 def export(motion: Motion, form: str, folder: Path) -> Path:
-    """Writes a motion in a form of `EXPORTS`, into a folder.
+    """Writes a motion into a folder, in a format of `EXPORTS`.
 
     Returns:
-        The file, or the folder of a form that is one.
+        The file, or the folder for formats that use one.
 
     Raises:
-        InputError: The form is unknown, a library is missing, or the motion lacks what it needs.
+        InputError: The format is unknown, or a library or data for it are missing.
     """
     if form not in EXPORTS:
         raise InputError(f"--export {form}: use one of {', '.join(EXPORTS)}")
@@ -100,14 +100,14 @@ def export(motion: Motion, form: str, folder: Path) -> Path:
 
 
 def write_tum(recording: Recording, path: Path) -> None:
-    """Writes time, position and quaternion x, y, z, w, as TUM's tools and evo read them."""
+    """Writes time, position and quaternion x, y, z, w, for TUM's tools and evo."""
     positions, rotations = _poses(recording, path)
     table = np.column_stack((recording.times, positions, rotations[:, [1, 2, 3, 0]]))
     write_atomically(path, "# timestamp tx ty tz qx qy qz qw\n" + format_table(table))
 
 
 def write_csv(recording: Recording, path: Path) -> None:
-    """Writes named columns: time, the hand's pose where known, joints."""
+    """Writes named columns: time, the hand's pose if known, and joints."""
     header, columns = ["time [s]"], [recording.times[:, None]]
     if recording.positions is not None:
         header += ["x [m]", "y [m]", "z [m]"]
@@ -121,7 +121,7 @@ def write_csv(recording: Recording, path: Path) -> None:
 
 
 def write_choregraphe(recording: Recording, path: Path) -> None:
-    """Writes a behavior with one timeline: keys in degrees, hands from 0 to 1, 25 a second."""
+    """Writes a behavior with one timeline: 25 keys per second in degrees, hands from 0 to 1."""
     joints = _joints(recording, path)
     count = int(np.floor(recording.times[-1] * TIMELINE_RATE + 1e-9)) + 1
     at = np.arange(count) / TIMELINE_RATE
@@ -129,7 +129,7 @@ def write_choregraphe(recording: Recording, path: Path) -> None:
     for name, column in zip(recording.joint_names, joints.T, strict=True):
         values = np.interp(at, recording.times, column)
         values = (values if name in HANDS else np.degrees(values)).tolist()
-        unit = 1 if name in HANDS else 0  # Of the format: a share, degrees.
+        unit = 1 if name in HANDS else 0  # 1: fraction, 0: degrees.
         keys = "".join(f'<Key frame="{k}" value="{v!r}"/>' for k, v in enumerate(values))
         curves.append(
             f'<ActuatorCurve name="value" actuator="{name}" mute="0" unit="{unit}">{keys}'
@@ -187,7 +187,7 @@ def write_lerobot(recording: Recording, path: Path) -> None:
     numbers = pyarrow.array(range(count), pyarrow.int64())
     zeros = pyarrow.array([0] * count, pyarrow.int64())
     rows = pyarrow.list_(pyarrow.float32())
-    # What is commanded next is what comes next.
+    # The action is the next state.
     actions = np.concatenate((joints[1:], joints[-1:]))
     table = pyarrow.table(
         {
@@ -260,7 +260,7 @@ def write_mcap(recording: Recording, path: Path) -> None:
 
 
 def _ros() -> tuple[Any, int]:
-    """Returns the types of ROS 2 messages, and the version of ROS."""
+    """Returns the ROS 2 message types, and the ROS version."""
     try:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
@@ -269,7 +269,7 @@ def _ros() -> tuple[Any, int]:
 
 
 def _messages(recording: Recording, store: Any, path: Path) -> list[tuple[str, str, int, Any]]:
-    """Returns topic, type, stamp [ns] and message, in order of time."""
+    """Returns topic, type, time stamp [ns] and message, in order of time."""
     types = store.types
     stamp_of, header_of = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
     joint_kind, pose_kind = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
@@ -317,4 +317,4 @@ EXPORTS: dict[str, tuple[str, Callable[[Recording, Path], None]]] = {
     "mcap": (".mcap", write_mcap),
     "rosbag2": ("_rosbag2", write_rosbag2),
 }
-"""Ending and writer of each form."""
+"""File extension and writer of each format."""

@@ -1,4 +1,4 @@
-"""From files to motions: a run's folder, a demonstration, a primitive."""
+"""Loading motions: a run's folder, a demonstration or a primitive."""
 
 from pathlib import Path
 from typing import Any
@@ -37,22 +37,22 @@ _FIGURES = {
     "least clearance [mm]": ("minimum_clearance", 1000.0),
     "tracking error [mm]": ("tracking_error_rms", 1000.0),
 }
-"""Figures of a report that are compared: where they are in it, and their scale."""
+"""Figures to compare, by name: field of the report, and scale."""
 
 _LARGEST_FIGURE = 1e3
-"""No length [m] or angle [rad] of a report is larger."""
+"""Largest length [m] or angle [rad] that is accepted in a report."""
 
 
 def load_motion(path: str | Path) -> Motion:
-    """Loads whatever can be played back.
+    """Loads a motion from any kind of file that can be played back.
 
     Args:
-        path: The folder of a run, of `apps/reach.py` or `apps/reproduce.py`; a demonstration, a
-            folder or a text file; or a primitive's YAML file or the folder that it was written to,
-            which is rolled out as it was learned.
+        path: The folder of a run of `apps/reach.py` or `apps/reproduce.py`; a demonstration (a
+            folder or a text file); or a primitive's YAML file or its folder: it is rolled out with
+            the start, goal and duration that it was learned with.
 
     Raises:
-        InputError: There is no such file, or it is broken; one sentence that says what to do.
+        InputError: The file is missing or broken; the message says what to do, in one sentence.
     """
     path = Path(path)
     if path.name == LOG:
@@ -69,7 +69,7 @@ def load_motion(path: str | Path) -> Motion:
         return _load_reproduction(path) if is_reproduction else _load_run(path)
     if path.suffix == ".txt" or (path / TRANSLATION).exists():
         return _load_demonstration(path, path.resolve().name.removesuffix(".txt"))
-    if (path / "demonstration" / TRANSLATION).exists():  # Of `apps/teach.py`.
+    if (path / "demonstration" / TRANSLATION).exists():  # From `apps/teach.py`.
         return _load_demonstration(path_inside(path, "demonstration"), path.resolve().name)
     if path.suffix in (".yaml", ".yml"):
         return _load_primitive(path)
@@ -159,7 +159,7 @@ def _check_finite(path: Path, positions: dict[str, Vector]) -> None:
 
 
 def _object_positions(folder: Path, scene: Scene, offsets: Vector) -> dict[str, Vector]:
-    """The positions of the joints that `add_scene` gives to what has a path, in its order."""
+    """Returns the positions of the joints that `add_scene` gives to objects with a path."""
     moving = [obstacle.name for obstacle in scene.obstacles if obstacle.path]
     moving += [GOAL_OBJECT] if scene.goal.path else []
     names = [f"{name}_{axis}" for name in moving for axis in "xyz"]
@@ -180,7 +180,7 @@ def _stages(log: ReachLog) -> tuple[tuple[float, str], ...]:
 
 
 def _run_figures(log: ReachLog, report: dict[str, Any]) -> dict[str, str | float]:
-    """Figures to compare: of the report, and of the hand's path."""
+    """Returns figures to compare, from the report and the hand's path."""
     moving = np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
     hand, times = log.hand_position_torso_m[moving], log.time_s[moving]
     movement = measure_movement(log)
@@ -228,7 +228,7 @@ def _load_report(path: Path) -> dict[str, Any]:
 
 
 def _load_demonstration(path: Path, name: str) -> Motion:
-    # Imported here: learning brings SciPy, and a run needs none.
+    # Imported here since learning imports SciPy, which a run does not need.
     from pepper_drake.learning.demonstrations.demonstration import Demonstration
 
     demo = Demonstration.load(path)
@@ -256,26 +256,26 @@ def _load_primitive(path: Path) -> Motion:
     primitive = MovementPrimitive.load(path)
     rollout = primitive.rollout()
     names = primitive.posture.names if primitive.posture is not None else ()
-    way = np.linalg.norm(np.diff(rollout.positions, axis=0), axis=1).sum()
+    length = np.linalg.norm(np.diff(rollout.positions, axis=0), axis=1).sum()
     return Motion(
-        # All apps call it primitive.yaml: the folder tells one from another.
+        # All apps write primitive.yaml: only the folder's name is specific.
         name=path.stem if path.stem != "primitive" else path.resolve().parent.name,
         arm=_arm_of(names, rollout.positions),
         times=rollout.times,
-        # Its joints are only where the arm tends to: the hand is drawn where it is told to be.
+        # A primitive's joints are only the nominal posture, so the commanded hand is drawn.
         hand_T=rollout.positions,
         hand_rotations_T=rollout.rotations,
         shown_T=rollout.positions,
         figures={
             "outcome": "primitive",
             "arm moves for [s]": float(rollout.times[-1]),
-            "hand path length [m]": float(way),
+            "hand path length [m]": float(length),
         },
     )
 
 
 def _arm_of(joint_names: tuple[str, ...], positions_T: Vector) -> str:
-    """Whose motion it is: the joints tell, else on which side of the body the hand is."""
+    """Returns the arm that moved: by its joints, or else by the hand's side of the body."""
     if joint_names:
         return "left" if any(name.startswith("L") for name in joint_names) else "right"
     return "left" if float(positions_T[:, 1].mean()) > 0.0 else "right"

@@ -20,11 +20,11 @@ _SEGMENTS = 24
 def meshcat_object(
     shape: Shape, color: tuple[float, float, float, float]
 ) -> tuple[mg.Object, Vector]:
-    """Makes the object that draws a shape, and its pose (4, 4), scale included, in the shape.
+    """Makes the object that draws a shape, and its pose (4, 4) in the shape's frame, with scale.
 
     Args:
         shape: A box, capsule, cylinder, ellipsoid, sphere, or a mesh of an OBJ file; a mesh in
-            memory brings its own material.
+            memory has its own material.
         color: RGBA, from 0 to 1.
     """
     if isinstance(shape, Mesh):
@@ -50,16 +50,16 @@ def meshcat_object(
 
 
 def material(color: tuple[float, float, float, float]) -> mg.MeshPhongMaterial:
-    """Makes a material of one colour (RGBA), seen from outside only where one sees through it."""
-    solid = bool(color[3] >= 1.0)
+    """Makes a material of one colour (RGBA): two-sided if opaque, else only its front is drawn."""
+    opaque = bool(color[3] >= 1.0)
     return mg.MeshPhongMaterial(
         color=hex_color(color),
         opacity=color[3],
-        side=2 if solid else 0,
-        # What is seen through hides nothing, or its far parts would come and go as it turns.
-        depthWrite=solid,
-        # Where it coincides with what is solid, that is what one sees.
-        polygonOffset=not solid,
+        side=2 if opaque else 0,
+        # Transparent faces do not write depth: else far ones would flicker as the view turns.
+        depthWrite=opaque,
+        # Where a transparent face coincides with an opaque one, the opaque one is visible.
+        polygonOffset=not opaque,
         polygonOffsetFactor=2.0,
         polygonOffsetUnits=4.0,
         shininess=20,
@@ -67,13 +67,13 @@ def material(color: tuple[float, float, float, float]) -> mg.MeshPhongMaterial:
 
 
 def hex_color(color: tuple[float, ...]) -> int:
-    """Returns RGB(A) as three.js writes it, 0xrrggbb."""
+    """Returns RGB(A) in three.js' form, 0xrrggbb."""
     red, green, blue = (round(255 * float(value)) for value in color[:3])
     return (red << 16) | (green << 8) | blue
 
 
 class _Lathe(mg.Geometry):
-    """A line in the x-y plane, turned about y."""
+    """A surface of revolution: a line in the x-y plane, rotated about y."""
 
     def __init__(self, points: Vector) -> None:
         super().__init__()
@@ -127,17 +127,17 @@ class Tube(mg.Geometry):
 
 
 class _TexturedMesh(mg.Object):
-    """An OBJ file in memory with its material and picture."""
+    """An OBJ file in memory with its material and texture."""
 
     def __init__(self, mesh: Any) -> None:
         mg.SceneElement.__init__(self)
         self._mesh = mesh
 
     def lower(self) -> dict[str, Any]:
-        """Returns what meshcat's viewer takes for a mesh with a material."""
+        """Returns meshcat's description of a mesh with a material."""
         files = self._mesh.supporting_files
         library = [files[name].contents() for name in files if name.endswith(".mtl")]
-        pictures = {
+        textures = {
             name: "data:image/png;base64," + base64.b64encode(files[name].contents()).decode()
             for name in files
             if name.endswith(".png")
@@ -152,6 +152,6 @@ class _TexturedMesh(mg.Object):
                 "format": "obj",
                 "data": self._mesh.mesh_file.contents().decode(),
                 "mtl_library": library[0].decode() if library else "",
-                "resources": pictures,
+                "resources": textures,
             },
         }

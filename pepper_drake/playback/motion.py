@@ -1,4 +1,4 @@
-"""Recorded motion of all joints over time, with its captions."""
+"""Recorded motion of all joints over time, with stages, signals and figures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,16 +11,16 @@ from pepper_drake.models.scene import Scene
 Vector = npt.NDArray[np.float64]
 
 
-def _nothing() -> Vector:
+def _no_points() -> Vector:
     return np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A figure that changes with time.
+    """A quantity over time.
 
     Attributes:
-        unit: Of the values, such as "mm".
+        unit: Unit of the values, such as "mm".
         values: (N,), one for each of the motion's times.
     """
 
@@ -30,24 +30,24 @@ class Signal:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """N samples of Pepper and of what moves around it. T is the torso frame, W the world.
+    """N samples of Pepper and of moving objects. T is the torso frame, W the world.
 
     Attributes:
-        name: What it is called beside others.
+        name: Name for display.
         arm: The arm that moves, "left" or "right".
         times: (N,) increasing [s].
-        positions: Of joints by name, (N,) each [rad, m]; objects that move have joints, too. A
-            joint that is left out rests where the scene, or else the posture "stand", has it.
+        positions: Joint positions by name, (N,) each [rad, m], including joints of moving objects.
+            Missing joints keep their position in the scene, or else in the posture "stand".
         hands: Openings by the names of `HANDS`, (N,) each, from 0, closed, to 1, open.
-        scene: What is around Pepper, if anything.
-        arm_starts: When the arm starts [s].
-        hand_T: (N, 3) the hand's path where no joints tell it.
-        hand_rotations_T: (N, 4) unit quaternions w, x, y, z that go with `hand_T`.
+        scene: The scene around Pepper, if any.
+        arm_starts: Time at which the arm starts [s].
+        hand_T: (N, 3) the hand's path, if the joints are unknown.
+        hand_rotations_T: (N, 4) unit quaternions w, x, y, z of the hand, as for `hand_T`.
         shown_T: (M, 3) the hand's demonstrated path.
-        cloud_T: (P, 3) the obstacles as they were seen when the arm started.
-        stages: What the robot was doing, by the time from which on.
-        signals: Figures over time, by name.
-        figures: What the motion came to: a text or a number by what it is and its unit.
+        cloud_T: (P, 3) the perceived obstacle cloud when the arm started.
+        stages: Start time and name of each stage of the run.
+        signals: Quantities over time, by name.
+        figures: Results, a text or a number each, by name and unit.
     """
 
     name: str
@@ -59,8 +59,8 @@ class Motion:
     arm_starts: float = 0.0
     hand_T: Vector | None = None
     hand_rotations_T: Vector | None = None
-    shown_T: Vector = field(default_factory=_nothing)
-    cloud_T: Vector = field(default_factory=_nothing)
+    shown_T: Vector = field(default_factory=_no_points)
+    cloud_T: Vector = field(default_factory=_no_points)
     stages: tuple[tuple[float, str], ...] = ()
     signals: Mapping[str, Signal] = field(default_factory=dict)
     figures: Mapping[str, str | float] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""A stand-alone page that plays motions back, for any browser and for a notebook's cell."""
+"""A stand-alone page that plays motions back, in any browser or a notebook's cell."""
 
 import base64
 import html
@@ -42,10 +42,10 @@ for (const command of [
 
 
 def standalone_page(commands: Sequence[Command], title: str) -> str:
-    """Returns a page (HTML) that holds all it needs, meshcat's viewer included.
+    """Returns a self-contained page (HTML), including meshcat's viewer.
 
     Args:
-        commands: What `draw` returned.
+        commands: Commands from `draw`.
         title: The page's title.
     """
     viewer = files("meshcat").joinpath("viewer/dist/main.min.js").read_text(encoding="utf-8")
@@ -54,7 +54,7 @@ def standalone_page(commands: Sequence[Command], title: str) -> str:
 
 
 def write_page(runs: Sequence[Frames], path: Path) -> None:
-    """Writes the page that plays motions back, over one another.
+    """Writes the page that plays motions back, on top of one another.
 
     Raises:
         InputError: The file cannot be written.
@@ -66,22 +66,22 @@ def write_page(runs: Sequence[Frames], path: Path) -> None:
 def show(
     paths: str | Path | Sequence[str | Path], *, height: int = 560, from_arm: bool = False
 ) -> "HTML":
-    """Plays runs back in a notebook's cell: make it the cell's last expression.
+    """Plays runs back in a notebook's cell, as the cell's last expression.
 
-    The cell holds all it needs, so it works in a saved notebook and on a distant server, too.
+    The cell is self-contained, so it also works in a saved notebook and on a remote server.
 
     Args:
-        paths: What `load_motion` takes, one or several to lay over one another.
-        height: Of the cell, in pixels.
-        from_arm: Whether each begins when its arm starts.
+        paths: One or several paths as for `load_motion`, drawn on top of one another.
+        height: Height of the cell, in pixels.
+        from_arm: Whether each motion begins when its arm starts.
 
     Raises:
-        InputError: A path holds nothing to play back.
+        InputError: A path has nothing to play back.
     """
     from IPython.display import HTML
 
-    several = [paths] if isinstance(paths, str | Path) else paths
-    motions = [load_motion(path) for path in several]
+    path_list = [paths] if isinstance(paths, str | Path) else paths
+    motions = [load_motion(path) for path in path_list]
     commands = draw([replay_frames(motion, from_arm=from_arm) for motion in motions])
     page = standalone_page(commands, ", ".join(motion.name for motion in motions))
     return HTML(

@@ -1,7 +1,7 @@
 """meshcat's own server as a process that outlives the app, so that its window stays open.
 
-Run as a module it serves until it is told to quit. An app draws into whatever meshcat server
-answers at its address, be it this one or a stock `meshcat-server`.
+Run as a module, it serves until it is told to quit. An app draws into any meshcat server that
+answers at its address, this one or a stock `meshcat-server`.
 """
 
 import contextlib
@@ -32,14 +32,14 @@ _START_SECONDS = 20.0
 QUIT = b"quit"
 """The command that ends the server."""
 _KEEP = b"keep"
-"""Line on a server's standard input before that closes; without it the server ends, too."""
+"""Data on a server's standard input that keeps the server alive after the input closes."""
 
 
 def is_listening(url: str) -> bool:
-    """True if something listens at an address such as tcp://127.0.0.1:6000.
+    """True if a server listens at an address such as tcp://127.0.0.1:6000.
 
     Raises:
-        InputError: This is no such address.
+        InputError: The address is invalid.
     """
     parts = urlsplit(url)
     try:
@@ -54,17 +54,17 @@ def is_listening(url: str) -> bool:
 
 
 def start_server(url: str, host: str | None = None) -> subprocess.Popen[bytes]:
-    """Starts a server at an address, as a process of its own, and does not wait for it.
+    """Starts a server at an address in a separate process, without waiting for it.
 
-    It ends when this process does, however that ends, unless `keep_server` is called before.
+    The server ends whenever this process ends, unless `keep_server` is called before.
 
     Args:
-        url: Where it takes commands; an address of this computer alone, for whoever sends commands
-            runs what he likes in the browsers.
-        host: Where it shows the window to other computers, too, with a token in the address.
+        url: Address for commands. Only this computer may reach it, since commands can run any code
+            in the browsers.
+        host: Address at which other computers, too, can open the window, by a URL with a token.
 
     Raises:
-        InputError: Other computers could send commands to the address, or there is no such host.
+        InputError: Other computers could send commands to the address, or the host is invalid.
     """
     name = urlsplit(url).hostname or ""
     try:
@@ -88,10 +88,10 @@ def start_server(url: str, host: str | None = None) -> subprocess.Popen[bytes]:
 
 
 def wait_for_server(url: str, server: subprocess.Popen[bytes]) -> None:
-    """Waits until a server that was just started listens.
+    """Waits until a started server listens.
 
     Raises:
-        InputError: It does not; the address can be the reason.
+        InputError: It ended, or does not listen in time, perhaps because of the address.
     """
     deadline = time.monotonic() + _START_SECONDS
     while not is_listening(url):
@@ -101,10 +101,10 @@ def wait_for_server(url: str, server: subprocess.Popen[bytes]) -> None:
 
 
 def keep_server(server: subprocess.Popen[bytes]) -> None:
-    """Lets a server that was just started outlive this process: its window has something to show.
+    """Lets a started server outlive this process.
 
     Raises:
-        InputError: It has ended.
+        InputError: The server has ended.
     """
     assert server.stdin is not None
     try:
@@ -118,7 +118,7 @@ def send(commands: "Sequence[Command]", url: str) -> str:
     """Sends commands to a running server.
 
     Args:
-        commands: What `draw` returned.
+        commands: Commands from `draw`.
         url: The server's address.
 
     Returns:
@@ -130,8 +130,8 @@ def send(commands: "Sequence[Command]", url: str) -> str:
     web_url = _ask(url, [b"url"]).decode()
     with _connection(url) as connection:
         for command in commands:
-            # The stock server does not know controls. It hands on and keeps what is sent as a
-            # property, and leaves it to the viewer to read what it is.
+            # The stock server does not know controls, but forwards and keeps properties
+            # unchanged; the viewer reads the type from the data.
             kind = "set_property" if command.kind == "set_control" else command.kind
             message = [kind.encode(), command.path.encode(), command.data]
             answer = _exchange(connection, message, url)
@@ -144,7 +144,7 @@ def quit_server(url: str) -> None:
     """Ends a server that `start_server` started, and waits until its address is free.
 
     Raises:
-        InputError: There is none, or it was started by other means.
+        InputError: There is no server, or it was started otherwise.
     """
     if not is_listening(url):
         raise InputError(f"{url}: there is no server to stop")
@@ -180,8 +180,8 @@ def serve(url: str, host: str | None = None) -> None:
     """Serves at an address until told to quit.
 
     Args:
-        url: Where commands come from, on this computer.
-        host: Where browsers may come from; see `Access.to`.
+        url: Address for commands, on this computer.
+        host: Host for browsers; see `Access.to`.
     """
     from pepper_drake.playback.bridge import Bridge
 
@@ -189,10 +189,10 @@ def serve(url: str, host: str | None = None) -> None:
 
 
 def _end_unless_kept() -> None:
-    said = b""
+    received = b""
     while more := os.read(sys.stdin.fileno(), len(_KEEP) + 1):
-        said += more
-    if said != _KEEP:
+        received += more
+    if received != _KEEP:
         os._exit(1)
 
 

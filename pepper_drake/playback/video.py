@@ -1,4 +1,4 @@
-"""A film of recorded motions: rendered pictures of what Drake's kinematics gives, no simulation."""
+"""A video of recorded motions, rendered from Drake's forward kinematics; no simulation."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -19,23 +19,23 @@ Image = npt.NDArray[np.uint8]
 _SIZE = (960, 600)
 _SMALL_SIZE = (640, 480)
 _GIF_STRIDE = 3
-"""Frames of a film between pictures of a GIF."""
+"""Video frames per frame of a GIF."""
 _GIF_COLORS = 64
 _INK = (48, 39, 29)
 _SHIFT = 4  # Fractional bits of a point that OpenCV draws.
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-# MPEG-4 part 2: every player knows it, and each of OpenCV's FFmpeg builds writes it fast. Browsers
-# want H.264, which none of them may bring.
+# MPEG-4 part 2: every player reads it, and all of OpenCV's FFmpeg builds write it fast. Browsers
+# need H.264, which none of these builds may include.
 _CODEC = cv2.VideoWriter.fourcc(*"mp4v")
 
 
 def write_video(runs: Sequence[Frames], path: Path, *, progress: bool = False) -> None:
-    """Writes a film, motions side by side, each with its hand path so far.
+    """Writes a video of motions side by side, each with its hand path so far.
 
     Args:
         runs: The motions' frames.
-        path: A file that ends in .mp4, or in .gif for one that web pages show: half as large,
-            with a tenth of a second between pictures.
+        path: A file that ends in .mp4, or in .gif for web pages: at half the resolution, with a
+            tenth of a second between frames.
         progress: Whether to show a progress bar.
 
     Raises:
@@ -77,7 +77,7 @@ def write_video(runs: Sequence[Frames], path: Path, *, progress: bool = False) -
 
 
 def _write_gif(pictures: Iterator[Image], path: Path) -> None:
-    """Writes pictures (BGR) as a GIF that begins again at its end.
+    """Writes pictures (BGR) as a GIF that repeats for ever.
 
     Raises:
         InputError: The file cannot be written.
@@ -89,7 +89,7 @@ def _write_gif(pictures: Iterator[Image], path: Path) -> None:
         for picture in pictures
     ]
     milliseconds = round(1000 * _GIF_STRIDE / FRAME_RATE)
-    # The last picture stays for a while.
+    # The last picture is shown longer.
     durations = [milliseconds] * (len(small) - 1) + [1500]
     try:
         small[0].save(
@@ -100,7 +100,7 @@ def _write_gif(pictures: Iterator[Image], path: Path) -> None:
 
 
 class _FilmedRun:
-    """A motion and who films it."""
+    """A motion and the camera that films it."""
 
     def __init__(self, run: Frames, index: int, size: tuple[int, int]) -> None:
         self._run, motion = run, run.motion
@@ -110,7 +110,7 @@ class _FilmedRun:
             float(model.positions(np.array([motion.times[-1]]))[0, model.column(name)])
             for name in ("BaseX", "BaseY", "BaseYaw")
         ]
-        self._bystander = ExternalCamera(
+        self._camera = ExternalCamera(
             motion.scene,
             motion.arm,
             np.array(base),
@@ -121,27 +121,27 @@ class _FilmedRun:
         red, green, blue = (round(255 * value) for value in run_color(index))
         self._color = (blue, green, red)
         self._shown = self._on_image(run.shown_W)
-        self._way = self._on_image(run.hand_W)
+        self._path = self._on_image(run.hand_W)
 
     def _on_image(self, points_W: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
-        """Returns points (N, 3) of the world in the image, (N, 2), as OpenCV draws them."""
+        """Projects points (N, 3) in W to the image (N, 2), in OpenCV's fixed-point pixels."""
         if not len(points_W):
             return np.zeros((0, 2), np.int32)
-        return np.round(self._bystander.project(points_W) * 2**_SHIFT).astype(np.int32)
+        return np.round(self._camera.project(points_W) * 2**_SHIFT).astype(np.int32)
 
     def picture(self, frame: int) -> Image:
         """Returns the picture (height, width, 3) of a frame, or of the last one."""
         frame = min(frame, len(self._run.times) - 1)
         time = float(self._run.clock[frame])
         motion = self._run.motion
-        image = self._bystander.picture(self._positions[frame])
-        moved = (time - motion.arm_starts) / max(motion.times[-1] - motion.arm_starts, 1e-9)
-        count = round(float(np.clip(moved, 0.0, 1.0)) * len(self._way))
+        image = self._camera.picture(self._positions[frame])
+        progress = (time - motion.arm_starts) / max(motion.times[-1] - motion.arm_starts, 1e-9)
+        count = round(float(np.clip(progress, 0.0, 1.0)) * len(self._path))
         if len(self._shown) > 1 and time >= motion.arm_starts:
             cv2.polylines(image, [self._shown], False, (0, 0, 0), 1, cv2.LINE_AA, shift=_SHIFT)
         if count > 1:
-            way = self._way[:count]
-            cv2.polylines(image, [way], False, self._color, 2, cv2.LINE_AA, shift=_SHIFT)
+            path = self._path[:count]
+            cv2.polylines(image, [path], False, self._color, 2, cv2.LINE_AA, shift=_SHIFT)
         stage = [name for begin, name in motion.stages if begin <= time][-1:]
         caption = "   ".join([motion.name, *stage, f"{self._run.times[frame]:.2f} s"])
         cv2.putText(image, caption, (16, 32), _FONT, 0.65, _INK, 1, cv2.LINE_AA)

@@ -1,4 +1,4 @@
-"""The reaching benchmark for people who would rather look than read."""
+"""Figure of the reaching benchmark."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ COLORS = {
     "error": "#b07aa1",
     "touched": "#e15759",
 }
-"""By outcome."""
+"""Colours of the outcomes."""
 _PANELS = (
     ("first_motion_seconds", "time to first motion [s]", "log"),
     ("path_length", "hand path length [m]", "linear"),
@@ -27,15 +27,15 @@ _PANELS = (
     ("clearance", "least clearance [m], cut at 0.1", "linear"),
 )
 _SPAN = 4.0
-"""Values that differ by less than this factor are drawn on a linear axis."""
+"""Ratio of values below which an axis is linear."""
 
 
 def draw_benchmark(summaries: Sequence[MethodSummary], results: Sequence[MethodResult]) -> Figure:
-    """Draws what came of each method, and how its runs that reached are spread.
+    """Draws each method's outcomes, and distributions over its runs that reached.
 
     Args:
-        summaries: Of `summarise`.
-        results: What they were made of.
+        summaries: Summaries from `summarise`.
+        results: The summarised results.
     """
     figure = Figure(figsize=(14, 7.5), layout="constrained")
     scenes = Scenes.of(results)
@@ -66,9 +66,9 @@ def draw_benchmark(summaries: Sequence[MethodSummary], results: Sequence[MethodR
         _label(axes, summaries)
         known = [value for values in rows for value in values if value > 0.0]
         if not known or max(known) < _SPAN * min(known):
-            scale = "linear"  # Nothing was reached, or all is nearly alike.
+            scale = "linear"  # No value, or nearly equal values.
         axes.set(xlabel=label, xscale=scale)
-        if scale == "log":  # A short axis has no decade on it, and no room for all that is between.
+        if scale == "log":  # A short axis may have no decade, and no room for all minor ticks.
             axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axes.xaxis.set_major_formatter("{x:g}")
             axes.xaxis.set_minor_formatter(NullFormatter())
@@ -79,7 +79,7 @@ def draw_benchmark(summaries: Sequence[MethodSummary], results: Sequence[MethodR
 
 
 def _draw_outcomes(axes: Axes, summaries: Sequence[MethodSummary], whole: str) -> None:
-    """Shares of the outcomes as bars, with the confidence interval of what reached."""
+    """Draws the rates of the outcomes as bars, with the confidence interval of "reached"."""
     heights = np.arange(1, len(summaries) + 1)
     left = np.zeros(len(summaries))
     for outcome, color in COLORS.items():

@@ -1,4 +1,4 @@
-"""Files that a benchmark leaves in its folder, and the recordings of what failed."""
+"""Files of a benchmark, and recordings of its failed runs."""
 
 import json
 from collections.abc import Sequence
@@ -21,22 +21,22 @@ _NAMES = ("benchmark.md", "benchmark.json", "benchmark.png", "benchmark.html")
 
 
 def replay_folder(output: Path, task: Task) -> Path:
-    """Folder of a run's recording."""
+    """Returns the folder of a run's recording."""
     return output / "replay" / f"{task.case.name}_{file_stem(task.method)}"
 
 
 def record_failures(
     tasks: Sequence[Task], results: Sequence[MethodResult], output: Path, *, hidden: bool = True
 ) -> None:
-    """Runs again what failed and has no recording yet.
+    """Repeats and records failed runs without a recording.
 
-    A planner that knows the scene and refused has moved nothing: there is nothing to record.
+    If a planner with perfect knowledge refused, there is no motion to record.
 
     Args:
         tasks: All runs.
-        results: Of the tasks, in their order.
+        results: Results of the tasks, in their order.
         output: Folder of the benchmark.
-        hidden: Whether no progress is shown.
+        hidden: Whether to hide the progress bar.
     """
     failed = []
     for task, result in zip(tasks, results, strict=True):
@@ -55,12 +55,12 @@ def save_benchmark(
 
     Args:
         tasks: All runs.
-        results: Of the tasks, in their order.
+        results: Results of the tasks, in their order.
         output: Folder of the benchmark.
-        hidden: Whether no progress is shown.
+        hidden: Whether to hide the progress bar.
 
     Returns:
-        The table in Markdown, with what is to be said of it.
+        The table in Markdown, with an explanation.
     """
     scenes, summaries = Scenes.of(results), summarise(results)
     text = (
@@ -89,7 +89,7 @@ def save_benchmark(
     }
     with whole_results(output, _NAMES) as folder:
         (folder / "benchmark.md").write_text(f"# Reaching: {scenes}\n\n{text}")
-        # JSON has no NaN: what is not known is null.
+        # JSON has no NaN: unknown values are null.
         finite = json.loads(json.dumps(content), parse_constant=lambda _: None)
         (folder / "benchmark.json").write_text(json.dumps(finite, indent=2) + "\n")
         draw_benchmark(summaries, results).savefig(folder / "benchmark.png", dpi=110)
@@ -104,7 +104,7 @@ def save_benchmark(
 def _pictures(
     tasks: Sequence[Task], results: Sequence[MethodResult], output: Path, *, hidden: bool
 ) -> dict[str, bytes]:
-    """Writes the scenes' files, and returns pictures of those in which something failed."""
+    """Writes the scenes' files, and returns pictures of scenes with failures."""
     folder, pictures = output / "scenes", {}
     failed = {result.case for result in results if result.outcome not in ("reached", "error")}
     built = [t.case for t, r in zip(tasks, results, strict=True) if r.outcome != "error"]

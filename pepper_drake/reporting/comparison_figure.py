@@ -1,4 +1,4 @@
-"""The report's figure 4.5: how the approximators reproduce one demonstration, and which is best."""
+"""The report's figure 4.5: comparison of the approximators on one demonstration."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,9 +17,9 @@ def draw_comparison(
     """Draws one demonstration with the paths of each approximator, and the table's medians.
 
     Args:
-        demonstration: The motion that was shown.
-        paths: By approximator, that motion reproduced.
-        rows: Of `compare`.
+        demonstration: The demonstrated motion.
+        paths: Reproductions of that motion, by approximator.
+        rows: Rows from `compare`.
     """
     figure = Figure(figsize=(13, 8), layout="constrained")
     figure.suptitle("Which approximator reproduces a demonstration best, and how fast?")
@@ -40,9 +40,9 @@ def draw_comparison(
     times = demonstration.times - demonstration.times[0]
     error = figure.add_subplot(grid[0, 3:])
     for name, path in paths.items():
-        given = CubicHermiteSpline(path.times, path.positions, path.velocities)(times)
-        gap = 1000 * np.linalg.norm(given - demonstration.positions, axis=1)
-        error.semilogy(times, np.maximum(gap, 1e-6), color=colors[name], lw=1.2)
+        positions = CubicHermiteSpline(path.times, path.positions, path.velocities)(times)
+        distance = 1000 * np.linalg.norm(positions - demonstration.positions, axis=1)
+        error.semilogy(times, np.maximum(distance, 1e-6), color=colors[name], lw=1.2)
     error.set(xlabel="time [s]", ylabel="distance to the demonstration [mm]")
     error.set_title("the error along the motion, too small to see on the left", fontsize=10)
     error.grid(alpha=0.3)
@@ -56,16 +56,16 @@ def draw_comparison(
     for index, (question, key, label, unit) in enumerate(values):
         axes = figure.add_subplot(grid[1, 2 * index : 2 * index + 2])
         for name in paths:
-            mine = [row for row in rows if row.approximator == name]
+            selected = [row for row in rows if row.approximator == name]
             axes.semilogy(
-                [row.num_basis for row in mine],
-                [unit * getattr(row, key) for row in mine],
+                [row.num_basis for row in selected],
+                [unit * getattr(row, key) for row in selected],
                 "o-",
                 color=colors[name],
                 ms=4,
             )
         axes.set(xlabel="basis functions", ylabel=label)
-        over = "" if count == 1 else f", median of {count} demonstrations"
-        axes.set_title(question + over, fontsize=10)
+        suffix = "" if count == 1 else f", median of {count} demonstrations"
+        axes.set_title(question + suffix, fontsize=10)
         axes.grid(alpha=0.3, which="both")
     return figure

@@ -1,4 +1,4 @@
-"""One figure of a demonstration before anything is learned from it."""
+"""Figure to check a demonstration before learning from it."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,8 +15,8 @@ def draw_demonstration(demonstration: Demonstration, report: DemonstrationReport
     """Draws positions, speed, distance from the shoulder and the time between samples.
 
     Args:
-        demonstration: What was read.
-        report: What was measured of it; its warnings stand below the title.
+        demonstration: The demonstration.
+        report: The check's report; its warnings appear below the title.
     """
     figure = Figure(figsize=(11, 8), layout="constrained")
     title = (
@@ -39,8 +39,8 @@ def draw_demonstration(demonstration: Demonstration, report: DemonstrationReport
     axes.set(xlabel="time [s]", ylabel="speed [m/s]", title="how fast is it?")
     axes = figure.add_subplot(grid[1, 0])
     for arm in ARMS:
-        away = np.linalg.norm(p - arm_chain(arm).shoulder, axis=1)
-        axes.plot(t, away, label=f"from the {arm} shoulder")
+        distance = np.linalg.norm(p - arm_chain(arm).shoulder, axis=1)
+        axes.plot(t, distance, label=f"from the {arm} shoulder")
     axes.axhline(report.arm_reach, color="black", linestyle="--", label="farthest reach of an arm")
     axes.set(xlabel="time [s]", ylabel="distance [m]", title="is it within reach?")
     axes.set_ylim(bottom=0.0)  # Room for the legend: a hand is seldom at a shoulder.
@@ -48,7 +48,7 @@ def draw_demonstration(demonstration: Demonstration, report: DemonstrationReport
     axes = figure.add_subplot(grid[1, 1])
     steps = 1000.0 * np.diff(t)
     axes.plot(t[1:], steps, color="tab:gray")
-    # From zero, so that rounding does not look like jitter.
+    # From zero, so rounding does not look like jitter.
     axes.set(xlabel="time [s]", ylabel="time between samples [ms]", title="are samples missing?")
     axes.set_ylim(0.0, 1.2 * float(steps.max()))
     return figure

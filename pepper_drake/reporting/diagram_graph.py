@@ -1,4 +1,4 @@
-"""Connections of a Drake diagram as a graph."""
+"""Graph of the connections in a Drake diagram."""
 
 import re
 from collections.abc import Iterator
@@ -8,10 +8,10 @@ from pydrake.systems.framework import Diagram, System
 from pydrake.systems.primitives import Demultiplexer, MatrixGain, Multiplexer, PassThrough
 
 INPUTS, OUTPUTS = "inputs", "outputs"
-"""Names of the two nodes that stand for the diagram's own ports."""
+"""Names of the two nodes for the diagram's own ports."""
 
 _PLUMBING = (MatrixGain, Multiplexer, Demultiplexer, PassThrough)
-"""Systems that only sort a vector's elements: drawn as the arrows that go through them."""
+"""Systems that only rearrange a vector's elements; drawn as arrows, not as nodes."""
 
 _Port = tuple[str, str]
 """A node's name and the name of one of its output ports."""
@@ -22,10 +22,10 @@ class Node:
     """A system, or the diagram's own inputs or outputs.
 
     Attributes:
-        name: The system's name; within a diagram that was opened, "diagram/name".
-        kind: Name of its class; empty for the diagram's own ports.
-        own: Whether it is this project's, not Drake's.
-        signals: Names of its output ports to which something is connected.
+        name: The system's name; "diagram/name" in an expanded diagram.
+        kind: Name of the class; empty for the diagram's own ports.
+        own: Whether the class is from this project, not from Drake.
+        signals: Names of connected output ports.
     """
 
     name: str
@@ -36,11 +36,11 @@ class Node:
 
 @dataclass
 class DiagramGraph:
-    """Who sends to whom.
+    """The nodes and connections of a diagram.
 
     Attributes:
-        nodes: By name: first those that only send, then the others as they were added.
-        edges: Pairs (sender, receiver) of names, each once.
+        nodes: Nodes by name: first those that only send, then the others in the diagram's order.
+        edges: Unique pairs (sender, receiver) of names.
     """
 
     nodes: dict[str, Node]
@@ -48,14 +48,14 @@ class DiagramGraph:
 
 
 def make_diagram_graph(diagram: Diagram, depth: int = 1) -> DiagramGraph:
-    """Reads a graph out of a diagram.
+    """Makes a graph of a diagram.
 
-    Loggers are left out, and so are systems that only pick or sort elements of a vector: what goes
-    through them is drawn as coming from where it was computed.
+    Loggers are omitted, as are systems that only select or rearrange elements of a vector: their
+    signals are drawn from the system that computes them.
 
     Args:
         diagram: The diagram.
-        depth: 1 for its own subsystems, 2 to open those that are diagrams themselves, and so on.
+        depth: 1 for the diagram's subsystems, 2 to expand those that are diagrams, and so on.
     """
     reader = _Reader(diagram, depth)
     nodes: dict[str, Node] = {}
@@ -80,7 +80,7 @@ def make_diagram_graph(diagram: Diagram, depth: int = 1) -> DiagramGraph:
 
 
 def _class_name(system: System) -> str:
-    """The class's name without the scalar type that pydrake appends to that of a template."""
+    """Returns a class's name without the scalar type that pydrake appends to template classes."""
     return re.sub(r"_[^\x00-\x7f].*", "", type(system).__name__)
 
 
@@ -118,16 +118,16 @@ class _Reader:
                 self._sources[system, int(index)] = (diagram, -1 - k)
 
     def sources_of(self, receiver: str) -> Iterator[_Port]:
-        """The nodes, and their output ports, from which a node receives."""
+        """Yields the nodes and output ports that send to a node."""
         if receiver == INPUTS:
             return
         if receiver == OUTPUTS:
             for k in range(self._diagram.num_output_ports()):
                 yield from self._at_output(self._diagram, k)
             return
-        yield from self._into(self.leaves[receiver])
+        yield from self._at_inputs(self.leaves[receiver])
 
-    def _into(self, system: System) -> Iterator[_Port]:
+    def _at_inputs(self, system: System) -> Iterator[_Port]:
         for k in range(system.num_input_ports()):
             yield from self._at_input(system, k)
 
@@ -149,6 +149,6 @@ class _Reader:
             inner, number = system.get_output_port_locator(port)
             yield from self._at_output(inner, int(number))
         elif isinstance(system, _PLUMBING):
-            yield from self._into(system)
+            yield from self._at_inputs(system)
         else:
             yield self._names[system], system.get_output_port(index).get_name()

@@ -1,4 +1,4 @@
-"""A Drake diagram as a picture that needs no Graphviz."""
+"""Picture of a Drake diagram, without Graphviz."""
 
 import textwrap
 from pathlib import Path
@@ -15,9 +15,9 @@ from pepper_drake.reporting.diagram_graph import DiagramGraph, Node
 from pepper_drake.reporting.layered_layout import lay_out
 
 _NAME, _KIND, _SIGNAL = 10.0, 7.5, 7.0
-"""Sizes of letters, pt."""
+"""Font sizes [pt]."""
 _LINE = 0.125
-"""Height of a line of small letters, in."""
+"""Height of a line of small text [inch]."""
 _COLORS = (
     "#1f6fb4", "#d9711a", "#2a8f4c", "#c23b3b", "#7a5bb5", "#8a5a44", "#c94f9b", "#5f6b73",
     "#9a8c10", "#1597a5", "#3b4fa0", "#b0562c", "#4f7d2c", "#a03060", "#56789a", "#7d6608",
@@ -28,7 +28,7 @@ _KEY = "tinted: this project; white: Drake; small print: the class and the outpu
 
 
 class _Box:
-    """A node's text, wrapped, and the size that it needs."""
+    """A node's wrapped text, and the size of its box."""
 
     def __init__(self, node: Node) -> None:
         self.title = node.name.replace("_", " ")
@@ -43,7 +43,7 @@ class _Box:
 
 
 def _text_width(text: str, size: float, weight: str) -> float:
-    """Width of a line of text, in."""
+    """Returns the width of a line of text [inch]."""
     if not text:
         return 0.0
     outline = TextPath((0, 0), text, size=size, prop=FontProperties(weight=weight))
@@ -51,7 +51,7 @@ def _text_width(text: str, size: float, weight: str) -> float:
 
 
 def draw_diagram(graph: DiagramGraph, title: str) -> Figure:
-    """Draws a graph: a box for each system, with what it sends, and a coloured net from each.
+    """Draws a graph: a box for each system, with its output signals, and a coloured net from each.
 
     This project's systems have a tinted box, Drake's own a white one.
     """
@@ -60,11 +60,11 @@ def draw_diagram(graph: DiagramGraph, title: str) -> Figure:
     number = {name: k for k, name in enumerate(names)}
     edges = [(number[a], number[b]) for a, b in graph.edges]
     layout = lay_out(np.array([[box.width, box.height] for box in boxes]), edges)
-    head = 0.62
-    figure = Figure(figsize=(layout.width + 0.2, layout.height + head))
+    title_height = 0.62
+    figure = Figure(figsize=(layout.width + 0.2, layout.height + title_height))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
-    axes.set(xlim=(-0.1, layout.width + 0.1), ylim=(0, layout.height + head))
+    axes.set(xlim=(-0.1, layout.width + 0.1), ylim=(0, layout.height + title_height))
     axes.text(0.12, layout.height + 0.34, title, fontsize=13, weight="bold", va="center")
     axes.text(0.12, layout.height + 0.12, _KEY, fontsize=_KIND, color="0.35", va="center")
 
@@ -73,7 +73,7 @@ def draw_diagram(graph: DiagramGraph, title: str) -> Figure:
         lines = [line for (a, _), line in layout.routes.items() if a == sender]
         if not lines:
             continue
-        # One outline for the whole net: where its lines run together they are drawn once.
+        # One outline for the whole net, so lines that coincide are drawn once.
         net = Outline.make_compound_path(*(_rounded(line) for line in lines))
         for width, paint, order in ((4.2, "white", 2 * sender), (1.5, color, 2 * sender + 1)):
             axes.add_patch(PathPatch(net, fc="none", ec=paint, lw=width, zorder=order + 1))
@@ -114,7 +114,7 @@ def draw_diagram(graph: DiagramGraph, title: str) -> Figure:
 
 
 def _rounded(line: list[tuple[float, float]], radius: float = 0.06) -> Outline:
-    """A line with rounded corners."""
+    """Returns a line with rounded corners."""
     points = np.asarray(line)
     vertices, codes = [points[0]], [Outline.MOVETO]
     for before, corner, after in zip(points, points[1:], points[2:], strict=False):
@@ -126,8 +126,8 @@ def _rounded(line: list[tuple[float, float]], radius: float = 0.06) -> Outline:
 
 
 def save_diagram_picture(graph: DiagramGraph, title: str, path: Path) -> None:
-    """Draws a graph into a file (SVG, or whatever the path's ending says)."""
-    # The same diagram gives the same file, so that a picture under version control stays put.
+    """Draws a graph into a file (SVG, or another format by the path's extension)."""
+    # Reproducible, so that a picture under version control changes only with the diagram.
     with mpl.rc_context({"svg.hashsalt": "pepper_drake"}):
         metadata = {"Date": None} if path.suffix == ".svg" else None
         draw_diagram(graph, title).savefig(path, dpi=100, facecolor="white", metadata=metadata)

@@ -1,7 +1,7 @@
 """A layered drawing of a directed graph: rows of boxes, right-angled lines between them.
 
-After Sugiyama, Tagawa and Toda (1981): rows by longest path, order within the rows by barycentres,
-lines across a row through places of their own. All lines of one sender are one net, which leaves
+After Sugiyama, Tagawa and Toda (1981): rows by longest path, order within rows by barycentres,
+lines across a row through slots of their own. All lines of one sender form one net, which leaves
 its box once and branches; lines to rows above run up at the right-hand side.
 """
 
@@ -17,13 +17,13 @@ Vector = npt.NDArray[np.float64]
 _Point = tuple[float, float]
 
 _GAP = 0.22
-"""Between boxes of a row, in."""
+"""Gap between boxes of a row [inch]."""
 _PASSAGE = 0.10
-"""Width that a line across a row takes up, in."""
+"""Width of a line's slot across a row [inch]."""
 _PITCH = 0.10
-"""Between parallel lines, in."""
+"""Distance between parallel lines [inch]."""
 _CHANNEL = 0.20
-"""Least height between rows, in."""
+"""Smallest height between rows [inch]."""
 _SWEEPS = 24
 
 
@@ -33,9 +33,9 @@ class Layout:
 
     Attributes:
         centers: (N, 2) of the boxes.
-        routes: For each edge its corners, from the sender's lower side to the receiver's upper.
-        width: Of the whole drawing, from x = 0.
-        height: Of the whole drawing, from y = 0.
+        routes: Corners of each edge, from the sender's lower side to the receiver's upper.
+        width: Width of the whole drawing, from x = 0.
+        height: Height of the whole drawing, from y = 0.
     """
 
     centers: Vector
@@ -60,8 +60,8 @@ def lay_out(sizes: Vector, edges: Sequence[tuple[int, int]]) -> Layout:
     """Places boxes and routes lines.
 
     Args:
-        sizes: (N, 2) widths and heights, in. Edges against the boxes' order count as feedback.
-        edges: Pairs (sender, receiver), each once.
+        sizes: (N, 2) widths and heights [inch]. Edges against the boxes' order count as feedback.
+        edges: Unique pairs (sender, receiver).
     """
     rows = assign_rows(len(sizes), edges)
     slots, levels = _make_slots(sizes, edges, rows)
@@ -71,7 +71,7 @@ def lay_out(sizes: Vector, edges: Sequence[tuple[int, int]]) -> Layout:
 
 
 def assign_rows(count: int, edges: Sequence[tuple[int, int]]) -> list[int]:
-    """The row of each node: below all that it receives from, but for feedback."""
+    """Returns the row of each node: below all its senders, except for feedback."""
     rows = [0] * count
     for receiver in range(count):
         senders = [a for a, b in edges if b == receiver and a < receiver]
@@ -85,7 +85,7 @@ _Slots = dict[tuple[str, int, int], _Slot]
 def _make_slots(
     sizes: Vector, edges: Sequence[tuple[int, int]], rows: list[int]
 ) -> tuple[_Slots, list[list[_Slot]]]:
-    """Boxes and passages, row by row, and what each is connected to above and below."""
+    """Returns boxes and passages, row by row, with their connections above and below."""
     levels: list[list[_Slot]] = [[] for _ in range(max(rows, default=0) + 1)]
     slots: _Slots = {}
     for node, row in enumerate(rows):
@@ -112,7 +112,7 @@ def _link(upper: _Slot, lower: _Slot) -> None:
 
 
 def _order(levels: list[list[_Slot]]) -> None:
-    """Orders each row by the mean place of what its slots are connected to, to and fro."""
+    """Orders each row by the mean place of connected slots, in sweeps down and up."""
     for sweep in range(_SWEEPS):
         down = sweep % 2 == 0
         for level in levels if down else levels[::-1]:
@@ -120,15 +120,15 @@ def _order(levels: list[list[_Slot]]) -> None:
                 id(slot): (k + 0.5) / len(other) for other in levels for k, slot in enumerate(other)
             }
 
-            def wish(slot: _Slot, down: bool = down, place: dict[int, float] = place) -> float:
+            def mean(slot: _Slot, down: bool = down, place: dict[int, float] = place) -> float:
                 near = slot.above if down else slot.below
                 return float(np.mean([place[id(s)] for s in near])) if near else place[id(slot)]
 
-            level.sort(key=wish)
+            level.sort(key=mean)
 
 
 def _place(levels: list[list[_Slot]]) -> None:
-    """Gives each slot an x near what it is connected to, without overlaps."""
+    """Gives each slot an x near its connected slots, without overlaps."""
     for level in levels:
         _spread(level, [0.0] * len(level))
     for sweep in range(_SWEEPS):
@@ -146,14 +146,14 @@ def _place(levels: list[list[_Slot]]) -> None:
             slot.x += _GAP - left
 
 
-def _spread(level: list[_Slot], wishes: Sequence[float]) -> None:
-    """The places nearest to the wishes (least squares) that keep order and distances."""
+def _spread(level: list[_Slot], targets: Sequence[float]) -> None:
+    """Sets each x nearest to the targets (least squares), with order and distances kept."""
     steps = [
         (a.width + b.width) / 2 + (_GAP if a.node is not None and b.node is not None else _PITCH)
         for a, b in itertools.pairwise(level)
     ]
     offsets = np.concatenate(([0.0], np.cumsum(steps)))
-    free = isotonic_regression(np.asarray(wishes) - offsets).x
+    free = isotonic_regression(np.asarray(targets) - offsets).x
     for slot, x in zip(level, free + offsets, strict=True):
         slot.x = float(x)
 
@@ -173,7 +173,7 @@ class _Router:
         self._slots, self._levels = slots, levels
         self._right = max(s.x + s.width / 2 for level in levels for s in level) + _GAP
         feedback = sorted({a for a, b in edges if rows[b] <= rows[a]}, key=lambda a: -rows[a])
-        # The lowest sender reaches highest up, as a rule: its lane is the outermost.
+        # Usually the lowest sender's line goes highest: its lane is the outermost.
         self._lanes = {a: self._right + _PITCH * k for k, a in enumerate(reversed(feedback))}
         self._entries = self._find_entries()
         self._spans = self._find_spans()
@@ -183,18 +183,18 @@ class _Router:
         return self._slots["box", node, self._rows[node]]
 
     def _arrival(self, sender: int, receiver: int) -> float:
-        """The x from which a line comes down or across to its receiver."""
+        """Returns the x from which a line comes down or across to its receiver."""
         if self._rows[receiver] <= self._rows[sender]:
             return self._lanes[sender]
         return self._passages(sender, receiver)[-1]
 
     def _passages(self, sender: int, receiver: int) -> list[float]:
-        """The x of a line at its sender's row and at each row that it crosses."""
+        """Returns the x of a line at its sender's row and at each row that it crosses."""
         between = range(self._rows[sender] + 1, self._rows[receiver])
         return [self._box(sender).x, *(self._slots["net", sender, row].x for row in between)]
 
     def _find_entries(self) -> dict[tuple[int, int], float]:
-        """Positions at which lines arrive on a node's upper side, in the order of their sources."""
+        """Returns the x at which lines arrive on a node's upper side, in order of their sources."""
         entries = {}
         for node in range(len(self._sizes)):
             senders = [a for a, b in self._edges if b == node]
@@ -203,16 +203,16 @@ class _Router:
             step = min(0.16, 0.85 * box.width / max(len(senders), 1))
             for k, sender in enumerate(senders):
                 entries[sender, node] = box.x + step * (k - (len(senders) - 1) / 2)
-        # A line that is nearly straight is made straight.
+        # Nearly straight lines are made straight.
         for (sender, node), x in entries.items():
             alone = sum(b == node for _, b in self._edges) == 1
-            come = self._arrival(sender, node)
-            if alone and abs(come - self._box(node).x) < 0.45 * self._box(node).width:
-                entries[sender, node] = come if self._rows[node] > self._rows[sender] else x
+            arrival = self._arrival(sender, node)
+            if alone and abs(arrival - self._box(node).x) < 0.45 * self._box(node).width:
+                entries[sender, node] = arrival if self._rows[node] > self._rows[sender] else x
         return entries
 
     def _corners(self, sender: int, receiver: int) -> list[tuple[int, float, float]]:
-        """Horizontal pieces of a line as (channel, from x, to x); channel k is above row k."""
+        """Returns a line's horizontal pieces (channel, from x, to x); channel k is above row k."""
         entry = self._entries[sender, receiver]
         row, target = self._rows[sender], self._rows[receiver]
         if target <= row:
@@ -222,7 +222,7 @@ class _Router:
         return [(row + 1 + k, a, b) for k, (a, b) in enumerate(itertools.pairwise(xs))]
 
     def _find_spans(self) -> list[dict[int, tuple[float, float]]]:
-        """For each channel the range of x that each net needs there."""
+        """Returns for each channel the range of x of each net."""
         spans: list[dict[int, tuple[float, float]]] = [{} for _ in range(len(self._levels) + 1)]
         for sender, receiver in self._edges:
             for channel, a, b in self._corners(sender, receiver):
@@ -232,7 +232,7 @@ class _Router:
 
     @staticmethod
     def _assign_tracks(spans: dict[int, tuple[float, float]]) -> dict[int, int]:
-        """A track for each net, so that none share one where they overlap."""
+        """Returns a track for each net; overlapping nets have different tracks."""
         tracks: dict[int, int] = {}
         for net, (low, high) in sorted(spans.items(), key=lambda item: item[1]):
             taken = {
@@ -274,7 +274,7 @@ class _Router:
 
 
 def _without_repeats(line: list[_Point]) -> list[_Point]:
-    """The corners without those at which nothing turns."""
+    """Returns the corners without those at which the line goes straight on."""
     kept = [line[0]]
     for point, after in zip(line[1:], [*line[2:], None], strict=True):
         if np.allclose(point, kept[-1], atol=1e-9):

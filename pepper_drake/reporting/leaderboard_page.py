@@ -1,4 +1,4 @@
-"""The benchmark as one page for any browser, with no network: who reached, and what failed how."""
+"""The benchmark as one self-contained page: outcomes of the methods, and failures."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -40,8 +40,8 @@ def leaderboard_page(
     """Returns the page as HTML.
 
     Args:
-        summaries: Of `summarise`.
-        results: What they were made of.
+        summaries: Summaries from `summarise`.
+        results: The summarised results.
         figure: PNG of `draw_benchmark`.
         pictures: PNG of the scene, by case.
         recordings: Address of a run's recording, relative to the page, by case and method.
@@ -94,7 +94,7 @@ def _dot(outcome: str) -> str:
 
 
 def _grid(summaries: Sequence[MethodSummary], results: Sequence[MethodResult]) -> list[str]:
-    """A row for each scene, and in it a cell for each method."""
+    """Returns a row for each scene, with a cell for each method."""
     outcomes = {(result.case, result.method): result.outcome for result in results}
     letters = [summary.method for summary in summaries]
     lines = [_row("th", ["scene", *(get_method(letter).label for letter in letters)])]
@@ -112,19 +112,19 @@ def _failure(
     pictures: Mapping[str, bytes],
     recordings: Mapping[tuple[str, str], str],
 ) -> str:
-    """A scene's picture, and what each method that failed says of it."""
+    """Returns a scene's picture with the messages of the methods that failed."""
     picture = pictures.get(case)
-    seen = f'<img alt="{escape(case)}" src="{_inline(picture)}">' if picture else "<span></span>"
+    image = f'<img alt="{escape(case)}" src="{_inline(picture)}">' if picture else "<span></span>"
     items = []
     for failure in failures:
         address = recordings.get((case, failure.method))
         link = f' <a href="{escape(address)}">recording</a>' if address else ""
-        words = failure.message or failure.closest_pair
+        text = failure.message or failure.closest_pair
         label = escape(get_method(failure.method).label)
-        said = f": {escape(words)}" if words else ""
-        items.append(f"<li>{_dot(failure.outcome)} <b>{label}</b>{said}{link}</li>")
+        message = f": {escape(text)}" if text else ""
+        items.append(f"<li>{_dot(failure.outcome)} <b>{label}</b>{message}{link}</li>")
     name = f"<h3>{escape(case)}</h3>"
-    return f'<div class="failure">{seen}<div>{name}<ul>{"".join(items)}</ul></div></div>'
+    return f'<div class="failure">{image}<div>{name}<ul>{"".join(items)}</ul></div></div>'
 
 
 def _inline(png: bytes) -> str:

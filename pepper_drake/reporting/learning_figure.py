@@ -1,4 +1,4 @@
-"""One figure that shows what is learned from a demonstration and how it is performed."""
+"""Figure of a learned primitive, its demonstrations and its rollout."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -27,11 +27,11 @@ _COLORS = ("tab:red", "tab:green", "tab:blue")
 def draw_learning(
     primitive: MovementPrimitive, demonstrations: Sequence[Demonstration], path: Path3D
 ) -> Figure:
-    """Draws demonstrations, what was learned from them, and the motion performed.
+    """Draws demonstrations, the primitive learned from them, and its rollout.
 
     Args:
-        primitive: What was learned.
-        demonstrations: What was shown; faint, all but the first without labels.
+        primitive: The learned primitive.
+        demonstrations: The demonstrations; drawn faint, only the first with a label.
         path: A rollout of the primitive with its own start, goal and duration.
     """
     figure = Figure(figsize=(18, 9), layout="constrained")
@@ -209,7 +209,7 @@ def _draw_speed(
 
 
 def _draw_other_goals(axes: Axes, primitive: MovementPrimitive) -> None:
-    """Draws how the motion adapts, in the plane in which it is widest."""
+    """Draws the motion to other goals, in the plane of its largest extent."""
     path = primitive.rollout(settle=0.5)
     across, up = np.sort(np.argsort(np.ptp(path.positions, axis=0))[1:])
     reach = 0.3 * np.ptp(path.positions, axis=0).max()

@@ -1,4 +1,4 @@
-"""Methods beside one another: the report's figures 2.4, 4.8 and 4.10 in one picture."""
+"""Comparison of methods: the report's figures 2.4, 4.8 and 4.10 in one picture."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _STARTS = 0.12 * np.array(
 )
 """Starts around the origin, as in figure 2.4 [m]."""
 _GAMMA = 1000.0
-"""Strength of equation 2.7 for a single point: 20 is for the hundreds of points of a cloud."""
+"""Strength of equation 2.7 for a single point; 20 is for clouds of hundreds of points."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class MethodRun:
 def draw_methods(
     still: Mapping[str, MethodRun], moved: Mapping[str, MethodRun], scene: str
 ) -> Figure:
-    """Draws the coupling around one point, and the reaches with a goal that stays and that moves.
+    """Draws the coupling around one point, and reaches to a resting and to a displaced goal.
 
     Args:
-        still: Reaches by the name of their method, the goal at rest.
-        moved: The same, the goal displaced.
-        scene: Its name.
+        still: Reaches to the resting goal, by the method's name.
+        moved: Reaches to the displaced goal, by the method's name.
+        scene: Name of the scene.
     """
     mpl.use("Agg")
     figure = Figure(figsize=(17, 6.4), layout="constrained")
@@ -69,9 +69,9 @@ def draw_methods(
 
 
 def around_point(coupling: Coupling, start: Vector) -> Vector:
-    """Returns a straight movement's path (N, 3) from a start (3,) to figure 2.4's goal [m].
+    """Returns a path (N, 3) from a start (3,) to figure 2.4's goal [m].
 
-    It is bent by a coupling around the one point of that figure.
+    It is a straight movement, bent by a coupling around the one point of that figure.
     """
     s = np.linspace(0.0, 1.0, 101)
     blend = 10 * s**3 - 15 * s**4 + 6 * s**5
@@ -123,7 +123,7 @@ def _draw_reaches(space: Any, runs: Mapping[str, MethodRun]) -> None:
 
 
 def _verdict(report: ReachReport) -> str:
-    """The outcome in a few words."""
+    """Returns the outcome in a few words."""
     if report.outcome != "reached":
         return f"failed ({report.reason})"
     clearance = report.minimum_clearance or 0.0

@@ -1,4 +1,4 @@
-"""Figures by which demonstrations, primitives and maps show themselves in a notebook."""
+"""Figures of demonstrations, primitives and maps for notebooks."""
 
 import base64
 import html
@@ -22,7 +22,7 @@ def draw(shown: Any) -> Figure:
     """Returns the figure of an object.
 
     Raises:
-        TypeError: Objects of its class have none.
+        TypeError: There is no figure for its class.
     """
     raise TypeError(f"{type(shown).__name__} has no figure")
 
@@ -45,7 +45,7 @@ def _(shown: VoxelMap) -> Figure:
 
 
 def html_of(shown: Any) -> str:
-    """Returns an image element with the figure of an object, and its text for who sees none."""
+    """Returns an image element with the figure of an object, and its repr as alternative text."""
     image = io.BytesIO()
     draw(shown).savefig(image, format="png", dpi=70)
     data = base64.b64encode(image.getvalue()).decode()

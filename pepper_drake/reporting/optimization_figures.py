@@ -1,4 +1,4 @@
-"""Figures of a search: the cost of each update, and what became of the movement."""
+"""Figures of a search: the cost of each update, and the movement before and after."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,19 +16,19 @@ Array = npt.NDArray[np.float64]
 
 _AXES = ("x", "y", "z")
 _DECADE = 10.0
-"""Costs that differ by more than this factor are drawn on a logarithmic axis."""
+"""Ratio of costs above which the axis is logarithmic."""
 
 
 def draw_costs(
     totals: Sequence[Array], mean_costs: Sequence[float], title: str, unit: str = ""
 ) -> Figure:
-    """Draws the cost of each update, as the report's figure 4.7.
+    """Draws the cost of each update, as in the report's figure 4.7.
 
     Args:
         totals: (S,) costs of each update's samples.
         mean_costs: The costs of the mean before the first update and after each; may be NaN.
-        title: Of the figure.
-        unit: Of the cost.
+        title: Title of the figure.
+        unit: Unit of the cost.
     """
     figure = Figure(figsize=(8, 4.5), layout="constrained")
     axes: Axes = figure.add_subplot()
@@ -63,11 +63,11 @@ def draw_ways(
     """Draws the hand's path before and after a search.
 
     Args:
-        before: What the search started with.
-        after: What it found.
-        goal: (3,) where the hand should end [m].
+        before: Movement before the search.
+        after: Movement that the search found.
+        goal: (3,) goal of the hand [m].
         obstacles: (P, 3) points [m], or None.
-        clearance: Of the whole way, wanted [m].
+        clearance: Desired clearance of the whole path [m].
     """
     figure = Figure(figsize=(13, 7), layout="constrained")
     grid = figure.add_gridspec(3, 2, width_ratios=(1.4, 1.0))
@@ -107,7 +107,7 @@ def draw_ways(
 
 
 def draw_reproductions(before: MovementPrimitive, shown: Mapping[int, MovementPrimitive]) -> Figure:
-    """Draws numbered reproductions beside the movement that they vary, for a tutor to rate."""
+    """Draws numbered variations of a movement, and the movement itself, for a tutor to rate."""
     figure = Figure(figsize=(9, 6.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d")
     axes.plot(*before.rollout().positions.T, color="0.75", lw=4, label="before")
@@ -123,7 +123,7 @@ def draw_reproductions(before: MovementPrimitive, shown: Mapping[int, MovementPr
 def save_reproductions(
     before: MovementPrimitive, shown: Mapping[int, MovementPrimitive], path: Path
 ) -> None:
-    """Saves what `draw_reproductions` draws as a picture."""
+    """Saves the figure of `draw_reproductions` as a picture."""
     draw_reproductions(before, shown).savefig(path, dpi=100)
 
 
@@ -131,9 +131,9 @@ def draw_comparison(curves: Mapping[str, Array], rollouts: Array, title: str) ->
     """Draws the cost of several methods against the number of rollouts.
 
     Args:
-        curves: By method, the cost (seeds, updates + 1) of the movement after each update.
-        rollouts: (updates + 1,) how many rollouts there were by then.
-        title: Of the figure.
+        curves: Cost (seeds, updates + 1) of the movement after each update, by method.
+        rollouts: (updates + 1,) number of rollouts until then.
+        title: Title of the figure.
     """
     figure = Figure(figsize=(9, 5.5), layout="constrained")
     axes: Axes = figure.add_subplot()

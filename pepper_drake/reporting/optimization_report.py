@@ -1,4 +1,4 @@
-"""Files that a search leaves in its folder."""
+"""Files of a search."""
 
 import json
 import math
@@ -17,14 +17,14 @@ def save_search(
     """Writes history.npz, primitive.yaml, report.json, cost.png and paths.png.
 
     Args:
-        folder: Where.
-        history: Of the search; at least its start.
-        evaluate: What gave the costs.
-        seconds: How long the search took.
-        converged: Whether it ended by itself.
+        folder: Folder for the files.
+        history: History of the search, with at least its start.
+        evaluate: The search's cost function.
+        seconds: Duration of the search.
+        converged: Whether the search converged.
 
     Returns:
-        What the best movement costs by term, before the weights, as far as it was measured.
+        Unweighted cost terms of the best movement, as far as measured.
     """
     task, before = evaluate.task, evaluate.parameters.primitive
     best, cost = history.best()
@@ -38,8 +38,8 @@ def save_search(
         "updates": history.updates,
         "rollouts": history.rollouts,
         "converged": converged,
-        "costs": [_known(cost) for cost in history.mean_costs],
-        "best_cost": _known(cost),
+        "costs": [_finite(cost) for cost in history.mean_costs],
+        "best_cost": _finite(cost),
         "best_terms": measured,
         "seconds": seconds,
     }
@@ -56,5 +56,5 @@ def save_search(
     return measured
 
 
-def _known(cost: float) -> float | None:
+def _finite(cost: float) -> float | None:
     return cost if math.isfinite(cost) else None

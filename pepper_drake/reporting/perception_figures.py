@@ -1,4 +1,4 @@
-"""Pictures of what Pepper sees: images as in figures 4.2 to 4.4 of the report, and clouds."""
+"""Figures of perception: images as in figures 4.2 to 4.4 of the report, and clouds."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,17 +22,17 @@ _IMAGE_TITLES = {
     "disparity": "disparity of the stereo pair",
     "segmentation": "segments of the stereo cloud",
 }
-"""Titles of images whose name does not say what they are."""
+"""Titles of images whose names need explanation."""
 _SIDE_BY_SIDE = 1.6
-"""Distance between the clouds that are shown beside each other [m]."""
+"""Distance between clouds shown side by side [m]."""
 
 
 def save_images_figure(studies: Mapping[str, CloudStudy], folder: Path) -> Path:
     """Draws `images.png`: colour, depth, disparity, segmentation, body mask.
 
     Args:
-        studies: By the sensor's name.
-        folder: Where to.
+        studies: Studies by the sensor's name.
+        folder: Folder for the file.
     """
     images: dict[str, npt.NDArray] = {}
     for study in studies.values():

@@ -40,9 +40,9 @@ _ORIGIN_COLORS = {
 TAUGHT, PRIMITIVE, HAND, GOAL, CLOUD = "k", "tab:blue", "tab:orange", "tab:green", "#d9541a"
 
 _CUT = 0.1
-"""Clearances are logged up to this [m]."""
+"""Largest clearance in a log [m]."""
 _AROUND = 0.12
-"""Margin about the hand's paths within which the cloud is drawn [m]."""
+"""Margin around the hand's paths within which the cloud is drawn [m]."""
 
 
 def save_reach_figures(log: ReachLog, folder: Path) -> list[Path]:
@@ -55,31 +55,31 @@ def save_reach_figures(log: ReachLog, folder: Path) -> list[Path]:
 
 
 def movement_title(movement: MovementReport) -> str:
-    """Returns the answer to: was the movement performed as it was taught?"""
+    """Returns a figure title that says whether the movement was performed as taught."""
     if not movement.kind:
         return "The arm did not start"
-    off = f"up to {1000 * (movement.largest_deviation or 0.0):.0f} mm from it"
+    deviation = f"up to {1000 * (movement.largest_deviation or 0.0):.0f} mm from it"
     if movement.kind == ADAPTED:
-        return f"Performed as taught? No: adapted, {off}"
+        return f"Performed as taught? No: adapted, {deviation}"
     if movement.kind == BENT:
-        return f"Performed as taught? Bent by the coupling alone, {off}"
-    return f"Performed as taught? Yes, {off}"
+        return f"Performed as taught? Bent by the coupling alone, {deviation}"
+    return f"Performed as taught? Yes, {deviation}"
 
 
 def draw_path(log: ReachLog) -> Figure:
-    """The hand's path in the torso frame: as taught, as performed, with goal and cloud."""
+    """Draws the hand's path in the torso frame: as taught, as performed, with goal and cloud."""
     moving = is_moving(log)
     figure = Figure(figsize=(12, 6), layout="constrained")
     figure.suptitle(movement_title(measure_movement(log)), fontsize=13)
     space = figure.add_subplot(1, 2, 1, projection="3d")
     draw_hand_paths(space, log)
     space.legend(loc="upper left", bbox_to_anchor=(-0.1, 1.06), fontsize=8)
-    hand, wish = log.hand_position_torso_m[moving], log.desired_position_torso_m[moving]
+    hand, desired = log.hand_position_torso_m[moving], log.desired_position_torso_m[moving]
     for k, name in enumerate("xyz"):
         axes = figure.add_subplot(3, 2, 2 * k + 2)
         if len(hand):
             time = log.time_s[moving] - log.time_s[moving][0]
-            axes.plot(time, wish[:, k], color=PRIMITIVE, lw=2, label="primitive")
+            axes.plot(time, desired[:, k], color=PRIMITIVE, lw=2, label="primitive")
             axes.plot(time, hand[:, k], color=HAND, lw=1.2, ls="--", label="hand")
             goal = log.goal_position_torso_m[moving, k]
             axes.plot(time, goal, color=GOAL, lw=1, label="goal, as estimated")
@@ -93,23 +93,23 @@ def draw_path(log: ReachLog) -> Figure:
 
 
 def draw_hand_paths(space: Any, log: ReachLog) -> None:
-    """Draws the paths of one reach in space, with start, goal and the cloud about them."""
+    """Draws the paths of one reach in space, with start, goal and the cloud around them."""
     moving = is_moving(log)
-    hand, wish = log.hand_position_torso_m[moving], log.desired_position_torso_m[moving]
+    hand, desired = log.hand_position_torso_m[moving], log.desired_position_torso_m[moving]
     taught = log.taught_path_torso_m
     if not len(hand):
         hand = log.hand_position_torso_m[-1:]
     draw_surroundings(space, [log])
     if len(taught):
         space.plot(*taught.T, color=TAUGHT, lw=1.4, label="as taught, neither bent nor adapted")
-    if len(wish):
-        space.plot(*wish.T, color=PRIMITIVE, lw=2.2, label="primitive, as performed")
+    if len(desired):
+        space.plot(*desired.T, color=PRIMITIVE, lw=2.2, label="primitive, as performed")
         space.plot(*hand.T, color=HAND, lw=1.2, ls="--", label="hand")
     space.plot(*hand[:1].T, "o", color="k", mfc="w", ms=7, label="start")
 
 
 def draw_surroundings(space: Any, logs: Sequence[ReachLog]) -> None:
-    """Draws goal, cloud and axes about the hand's paths of reaches of one scene."""
+    """Draws goal, cloud and axes around the hand's paths of reaches in one scene."""
     shown = np.concatenate(
         [
             points[np.isfinite(points).all(axis=1)]
@@ -130,7 +130,7 @@ def draw_surroundings(space: Any, logs: Sequence[ReachLog]) -> None:
     space.plot(*goal.T, "*", color=GOAL, mec="k", mew=0.5, ms=15, label="goal")
     space.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), zlim=(lower[2], upper[2]))
     space.set(xlabel="x, ahead [m]", ylabel="y, left [m]", zlabel="z, up [m]")
-    space.zaxis.set_rotate_label(False)  # From this side matplotlib would write it upside down.
+    space.zaxis.set_rotate_label(False)  # From this view matplotlib would draw it upside down.
     space.zaxis.label.set_rotation(90)
     space.set_box_aspect(upper - lower, zoom=0.82)
     space.locator_params(nbins=4)
@@ -139,7 +139,7 @@ def draw_surroundings(space: Any, logs: Sequence[ReachLog]) -> None:
 
 
 def draw_timeline(log: ReachLog) -> Figure:
-    """The run in time: errors, clearance, coupling, movement and phase, by mode."""
+    """Draws a run over time: errors, clearance, coupling, movement and phase, with modes."""
     figure = Figure(figsize=(9, 9.5), layout="constrained")
     figure.suptitle(
         "What did the robot do when, how close did it come, and when did the coupling act?"
@@ -183,7 +183,7 @@ def draw_timeline(log: ReachLog) -> Figure:
 
 
 def _draw_origins(axes: Axes, log: ReachLog) -> None:
-    """Shades which movement is performed."""
+    """Shades the background by the origin of the current movement."""
     drawn = set()
     moving = is_moving(log)
     for begin, end in _runs(np.where(moving, log.movement_origin, Origin.NONE)):
@@ -198,7 +198,7 @@ def _draw_origins(axes: Axes, log: ReachLog) -> None:
 
 
 def _runs(values: np.ndarray) -> list[tuple[int, int]]:
-    """Returns first index and end of each run of equal values."""
+    """Returns first and end index of each run of equal values."""
     changes = np.flatnonzero(np.diff(values)) + 1
     return list(itertools.pairwise([0, *changes.tolist(), len(values) - 1]))
 
@@ -211,7 +211,7 @@ def _shade_modes(axes: Axes, log: ReachLog, *, named: bool) -> None:
         left, right = log.time_s[begin], log.time_s[end]
         color = _MODE_COLORS.get(mode, "white")
         axes.axvspan(left, right, color=color, zorder=0)
-        # A name has room where its mode takes as much of the axis as it is long.
+        # Short intervals have no room for the mode's name.
         if named and right - left > 0.0105 * whole * len(mode.name):
             axes.text(
                 (left + right) / 2,

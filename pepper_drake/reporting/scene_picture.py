@@ -1,4 +1,4 @@
-"""A picture of the robot in its scene, as seen by a bystander."""
+"""A picture of the robot in its scene, from an external camera."""
 
 import weakref
 from pathlib import Path
@@ -36,7 +36,7 @@ _RENDERER = "bystander"
 
 
 def look_at(p_WC: Vector, p_WP: Vector) -> RigidTransform:
-    """The pose X_WC of a camera at p_WC that looks at p_WP, with the world's z up."""
+    """Returns the pose X_WC of a camera at p_WC that looks at p_WP, with the world's z up."""
     forward = (p_WP - p_WC) / np.linalg.norm(p_WP - p_WC)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
@@ -45,10 +45,10 @@ def look_at(p_WC: Vector, p_WP: Vector) -> RigidTransform:
 
 
 class ExternalCamera:
-    """Someone beside the robot, on the reaching arm's side, who sees the shapes made for people.
+    """A camera beside the robot, on the reaching arm's side, that renders illustration shapes.
 
     Attributes:
-        plant: Pepper and the scene, put wherever `picture` is told.
+        plant: Pepper and the scene, at the positions of the last `picture`.
     """
 
     def __init__(
@@ -61,15 +61,15 @@ class ExternalCamera:
         height: int,
         shadows: bool = True,
     ) -> None:
-        """Stands beside the robot.
+        """Places the camera beside the robot.
 
         Args:
-            scene: What is around it, if anything.
-            arm: The arm that is looked at, "left" or "right".
-            base_pose: (3,) x, y, yaw in W of the base beside which one stands.
-            width: Of a picture, in pixels.
-            height: Of a picture, in pixels.
-            shadows: Whether things cast shadows, at two thirds of the time that a picture takes.
+            scene: The scene around the robot, if any.
+            arm: The arm to look at, "left" or "right".
+            base_pose: (3,) x, y, yaw in W of the base beside which the camera stands.
+            width: Width of a picture, in pixels.
+            height: Height of a picture, in pixels.
+            shadows: Whether to render shadows, which take two thirds of a picture's time.
         """
         builder = DiagramBuilder()
         self.plant: MultibodyPlant
@@ -96,7 +96,7 @@ class ExternalCamera:
         )
 
     def picture(self, positions: Vector) -> npt.NDArray[np.uint8]:
-        """Returns what one sees, (height, width, 3) blue, green, red, at the plant's positions."""
+        """Returns a picture (height, width, 3), blue, green, red, for the plant's positions."""
         self.plant.SetPositions(self.plant.GetMyMutableContextFromRoot(self._context), positions)
         query = self._scene_graph.get_query_output_port().Eval(
             self._scene_graph.GetMyContextFromRoot(self._context)
@@ -105,7 +105,7 @@ class ExternalCamera:
         return np.ascontiguousarray(image.data[..., 2::-1])
 
     def project(self, points_W: Vector) -> Vector:
-        """Returns where points (K, 3) in W are in the picture, (K, 2) pixels right and down."""
+        """Projects points (K, 3) in W to the picture, (K, 2) pixels right and down."""
         points_C = points_W @ self._X_WC.inverse().rotation().matrix().T
         points_C = points_C + self._X_WC.inverse().translation()
         image = points_C @ self._info.intrinsic_matrix().T
@@ -121,32 +121,30 @@ def save_scene_picture(
     width: int = 1280,
     height: int = 800,
 ) -> None:
-    """Renders the robot with the shapes made for people, from the reaching arm's side.
+    """Renders the robot with the illustration shapes, from the reaching arm's side.
 
     Args:
-        scene: What is around it.
-        positions: Of the station's plant, robot and moving things.
-        base_pose: (3,) x, y, yaw of the base in W; the bystander stands beside it.
+        scene: The scene around the robot.
+        positions: Positions of the station's plant, of the robot and moving objects.
+        base_pose: (3,) x, y, yaw of the base in W; the camera stands beside it.
         path: The PNG file to write.
-        width: Pixels.
-        height: Pixels.
+        width: Width in pixels.
+        height: Height in pixels.
     """
-    bystander = ExternalCamera(scene, scene.arm, base_pose, width=width, height=height)
-    write_image(path, bystander.picture(positions))
+    camera = ExternalCamera(scene, scene.arm, base_pose, width=width, height=height)
+    write_image(path, camera.picture(positions))
 
 
 def save_start_picture(scene: Scene, path: Path, *, width: int = 480, height: int = 300) -> None:
-    """Renders the robot where it starts, without shadows; see `save_scene_picture`."""
+    """Renders the robot at its start, without shadows; see `save_scene_picture`."""
     start, goal = scene.robot, scene.goal.position
-    # From beside the middle between robot and goal, both are in the picture.
+    # Beside the midpoint between robot and goal, so that both are in the picture.
     base_pose = np.array([(start.x + goal[0]) / 2, (start.y + goal[1]) / 2, start.yaw])
-    bystander = ExternalCamera(
-        scene, scene.arm, base_pose, width=width, height=height, shadows=False
-    )
-    q = bystander.plant.GetPositions(bystander.plant.CreateDefaultContext())
+    camera = ExternalCamera(scene, scene.arm, base_pose, width=width, height=height, shadows=False)
+    q = camera.plant.GetPositions(camera.plant.CreateDefaultContext())
     for name, position in start.positions().items():
-        q[bystander.plant.GetJointByName(name).position_start()] = position
-    write_image(path, bystander.picture(q))
+        q[camera.plant.GetJointByName(name).position_start()] = position
+    write_image(path, camera.picture(q))
 
 
 def _renderer(shadows: bool) -> RenderEngine:
@@ -168,7 +166,7 @@ def _renderer(shadows: bool) -> RenderEngine:
 
 
 def _show_illustrations(plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
-    """Lets the renderer draw what meshcat draws, and not the plain shapes made for cameras."""
+    """Lets the renderer draw illustration shapes, as meshcat does, not perception shapes."""
     inspector = scene_graph.model_inspector()
     source = plant.get_source_id()
     for geometry in inspector.GetAllGeometryIds():

@@ -1,1 +1,1 @@
-"""Logs and reports: written by runs, read by others."""
+"""Logs and reports of runs."""

@@ -1,4 +1,4 @@
-"""The folder of a run: its results are there as a whole, or those of the run before."""
+"""The folder of a run: either all of its results, or still all of the previous run's."""
 
 import contextlib
 import os
@@ -11,10 +11,10 @@ from pepper_drake.errors import InputError
 from pepper_drake.signals import undisturbed
 
 REPORT = "report.json"
-"""The report: it goes first and comes last, so that a folder with one is a whole run's."""
+"""The report: removed first and written last, so a folder that has one is complete."""
 
 INTERRUPTED = "interrupted"
-"""Folder inside a run's folder that keeps what a run has done so far, until it ends."""
+"""Subfolder of a run's folder with the intermediate results of a run in progress."""
 
 _UNFINISHED = ".unfinished"
 
@@ -24,14 +24,14 @@ _LEAST_SPACE = 2**20
 
 @contextlib.contextmanager
 def whole_results(folder: Path, names: Collection[str]) -> Iterator[Path]:
-    """Gives a folder to write results to, which then take the place of those of an earlier run.
+    """Yields a temporary folder whose files replace an earlier run's results at the end.
 
-    If writing fails, or the program ends before, the earlier results stay as they are. Files of
-    other names stay in any case.
+    If writing fails, or the program ends before, the earlier results stay as they are. Files with
+    other names are always kept.
 
     Args:
-        folder: Where the results are wanted; made if need be.
-        names: Names of all files that such a run may leave; those that this one does not leave
+        folder: Folder for the results; made if it does not exist.
+        names: Names of all files that such a run may write; those that this run does not write
             are removed.
 
     Raises:
@@ -56,13 +56,13 @@ def whole_results(folder: Path, names: Collection[str]) -> Iterator[Path]:
 
 
 def check_writable(folder: Path) -> None:
-    """Checks that a folder can be made and a megabyte written to it, without leaving anything.
+    """Checks that a folder can be made and a megabyte written to it; leaves no files behind.
 
     Args:
-        folder: It need not exist.
+        folder: The folder; it need not exist.
 
     Raises:
-        InputError: It cannot.
+        InputError: The folder cannot be written to.
     """
     existing = folder
     try:
@@ -76,7 +76,7 @@ def check_writable(folder: Path) -> None:
 
 
 def _replace(folder: Path, unfinished: Path, names: Collection[str]) -> None:
-    """Moves the new results to where the old ones are, the report last."""
+    """Replaces the old results by the new ones, the report last."""
     new = {entry.name for entry in unfinished.iterdir()}
     for name in (REPORT, *(set(names) - new)):
         with contextlib.suppress(FileNotFoundError):
@@ -89,7 +89,7 @@ def _replace(folder: Path, unfinished: Path, names: Collection[str]) -> None:
 
 
 def _clear(folder: Path) -> None:
-    """Removes what killed programs left."""
+    """Removes the temporary folders of killed programs."""
     for left in folder.glob(f"{_UNFINISHED}-*-*"):
         number = left.name.split("-")[1]
         if not number.isdecimal() or not _is_running(int(number)):

@@ -1,4 +1,4 @@
-"""Logs as files of named arrays: what cannot be read is answered with one clear sentence."""
+"""Reading logs, files of named arrays, with one clear sentence for each error."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,10 +12,10 @@ from pepper_drake.errors import InputError
 Array = npt.NDArray[np.float64]
 
 LONGEST = 3600.0
-"""No run that is read takes longer [s]."""
+"""Longest duration of a run that is accepted [s]."""
 
 _LARGEST = 1e6
-"""No number of a log is larger, in SI units."""
+"""Largest magnitude that is accepted in a log, in SI units."""
 
 
 def read_arrays(path: Path, names: Iterable[str]) -> dict[str, Array]:
@@ -23,10 +23,10 @@ def read_arrays(path: Path, names: Iterable[str]) -> dict[str, Array]:
 
     Args:
         path: A file that NumPy's `savez` or `savez_compressed` wrote.
-        names: The arrays that are wanted.
+        names: Names of the arrays.
 
     Raises:
-        InputError: The file is missing, is no log, or lacks an array.
+        InputError: The file is missing, is not a log, or lacks an array.
     """
     wanted = tuple(names)
     if not path.exists():
@@ -51,11 +51,11 @@ def check_rows(path: Path, arrays: Mapping[str, Array], shapes: Mapping[str, int
 
     Args:
         path: The log, for errors.
-        arrays: By name, `time_s` among them.
-        shapes: The number of columns by name; None for an array of one dimension.
+        arrays: Arrays by name, including `time_s`.
+        shapes: The number of columns by name; None for a one-dimensional array.
 
     Raises:
-        InputError: Naming the array that does not fit.
+        InputError: An array does not fit; the message names it.
     """
     times = arrays["time_s"]
     if times.ndim != 1 or len(times) < 2 or not np.all(np.diff(times) > 0.0):

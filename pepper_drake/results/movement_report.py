@@ -13,8 +13,8 @@ Vector = npt.NDArray[np.float64]
 
 AS_SHOWN, BENT, ADAPTED = "as_shown", "bent", "adapted"
 
-_SILENT = 1e-3
-"""A coupling term below this does nothing [m/s²]."""
+_NEGLIGIBLE_COUPLING = 1e-3
+"""A coupling term below this counts as zero [m/s²]."""
 
 
 @dataclass
@@ -22,37 +22,37 @@ class MovementReport:
     """The taught movement as it was performed. Distances in m, times in s."""
 
     kind: str = ""
-    """"as_shown", "bent" (by the coupling alone), "adapted" (to what was seen, before the start or
-    on the way); empty if the arm did not start."""
+    """"as_shown", "bent" (by the coupling alone), "adapted" (to the perceived obstacles, before or
+    during the movement); empty if the arm did not start."""
     taught_message: str = ""
-    """Why it was not performed as taught, as a sentence; empty if it was."""
+    """The reason for not performing it as taught, as a sentence; empty if it was."""
     taught_clearance: float | None = None
-    """Least clearance to what was seen that the movement would have had as taught."""
+    """Smallest clearance to perceived obstacles that the taught movement would have had."""
     taught_closest_pair: str = ""
-    """Link and obstacle that would have come closest, by the true geometry."""
+    """Link and obstacle that would have come closest in it, by the true geometry."""
     mean_deviation: float | None = None
-    """Mean distance of the performed path to the taught one, from the same start to the same goal:
-    of each of its points to the nearest point of the other."""
+    """Mean distance of the performed path's points to the nearest point of the taught path, which
+    has the same start and goal."""
     largest_deviation: float | None = None
     """The largest of these distances."""
     largest_coupling: float = 0.0
     """Largest acceleration by the coupling term, |C_t| / tau² [m/s²]."""
     coupled_seconds: float = 0.0
-    """Time for which the coupling acted."""
+    """Time during which the coupling acted."""
     detours: int = 0
-    """Times that the rest of the movement was planned anew on the way."""
+    """Number of times that the rest of the movement was replanned during it."""
     retreats: int = 0
-    """Times that the arm withdrew."""
+    """Number of times that the arm retreated."""
     waited_seconds: float = 0.0
-    """Time for which the arm braked or stood on its way."""
+    """Time during which the arm braked or stood still before the goal."""
     withdrawn_seconds: float = 0.0
-    """Time for which it withdrew, and waited there."""
+    """Time during which it retreated, or waited after a retreat."""
 
     def lines(self, *, coupled: bool = True) -> list[str]:
-        """Returns lines for the terminal: which movement it was, and what the coupling did.
+        """Returns lines for the terminal: the kind of movement, and the effect of the coupling.
 
         Args:
-            coupled: Whether there was a coupling that could act.
+            coupled: Whether the run had a coupling.
         """
         if not self.kind:
             return []
@@ -99,7 +99,7 @@ class MovementReport:
 
 
 def is_moving(log: ReachLog) -> npt.NDArray[np.bool_]:
-    """Rows (N,) in which the arm reaches or holds its hand at the goal."""
+    """Returns the rows (N,) in which the arm reaches, or holds its hand at the goal."""
     return np.isin(log.mode, (ReachMode.REACHING, ReachMode.HOLDING))
 
 
@@ -110,19 +110,19 @@ def coupling_strength(log: ReachLog) -> Vector:
 
 def deviations(path: Vector, taught: Vector) -> Vector:
     """Returns distances (N,) of the points of a path (N, 3) to the nearest of another (M, 3)."""
-    # A few hundred points: a tree would take longer to import than this takes.
+    # For a few hundred points this is faster than importing a k-d tree.
     return np.linalg.norm(path[:, None] - taught, axis=2).min(axis=1)
 
 
 def measure_movement(log: ReachLog) -> MovementReport:
-    """Returns how the movement of a log was performed; why it was adapted is not in the log."""
+    """Returns a log's movement report, without the reason for adapting, which no log contains."""
     moving = is_moving(log)
     if not moving.any():
         return MovementReport()
     origin, reaching = log.movement_origin[moving], log.mode[moving] == ReachMode.REACHING
     step = float(np.median(np.diff(log.time_s)))
     strength = coupling_strength(log)[moving]
-    acts = (strength > _SILENT) & (origin != Origin.NONE)
+    acts = (strength > _NEGLIGIBLE_COUPLING) & (origin != Origin.NONE)
     off = deviations(log.hand_position_torso_m[moving], log.taught_path_torso_m)
     replaced = np.isin(origin, (Origin.ADAPTED, Origin.DETOUR)).any()
     bent = BENT if acts.any() else AS_SHOWN
@@ -140,6 +140,6 @@ def measure_movement(log: ReachLog) -> MovementReport:
 
 
 def _begins(origin: npt.NDArray[np.int64], kind: Origin) -> int:
-    """Number of times that movements of one origin began."""
+    """Returns how often a movement of one origin began."""
     is_kind = np.concatenate(([False], origin == kind))
     return int(np.count_nonzero(np.diff(is_kind.astype(int)) > 0))

@@ -1,4 +1,4 @@
-"""The log of one reach: named arrays with their units in their names."""
+"""The log of one reach: arrays with the units in their names."""
 
 import contextlib
 from dataclasses import dataclass, fields
@@ -35,7 +35,7 @@ _COLUMNS: dict[str, int | None] = {
     "clearance_m": None,
     "seen_clearance_m": None,
 }
-"""Columns of what has a row for each time; None is an array of one dimension."""
+"""Numbers of columns of arrays with a row for each time; None: one-dimensional."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,28 +45,28 @@ class ReachLog:
     Attributes:
         time_s: (N,).
         mode: (N,) the supervisor's `ReachMode`.
-        movement_origin: (N,) the `Origin` of the movement that is performed, 0 for none.
+        movement_origin: (N,) the `Origin` of the current movement, 0 for none.
         joint_position_rad: (N, 15) measured, in the order of `BODY_JOINTS`.
-        joint_command_rad: (N, 15) what the safety monitor passed on.
+        joint_command_rad: (N, 15) output of the safety monitor.
         base_pose_m_m_rad: (N, 3) x, y, yaw in W.
-        hand_opening: (N, 2) of `HANDS`, from 0, closed, to 1, open; (N, 0) where it is not known.
-        object_offset_m: (N, 3 K) of the K things that move, obstacles in the scene's order and then
-            the goal object: x, y, z in W from where each stands in the scene.
+        hand_opening: (N, 2) of `HANDS`, from 0, closed, to 1, open; (N, 0) if unknown.
+        object_offset_m: (N, 3 K) x, y, z in W of the K moving objects, relative to their places in
+            the scene: obstacles in the scene's order, then the goal object.
         hand_position_torso_m: (N, 3) measured.
         desired_position_torso_m: (N, 3) the primitive's.
         goal_position_torso_m: (N, 3) estimated.
         goal_distance_m: (N,) between the hand and the true pre-grasp position.
         orientation_error_rad: (N,) angle between the hand and the true pre-grasp orientation.
-        axis_error_rad: (N,) the same for the axis of the hand whose direction counts for the task.
+        axis_error_rad: (N,) the same for the hand's axis whose direction matters for the task.
         phase: (N,).
         tau_s: (N,).
         coupling_m_per_s2: (N, 3) the coupling term as an acceleration, C_t / tau^2.
-        clearance_m: (N,) true least distance between Pepper and the obstacles, cut at 0.1.
-        seen_clearance_m: (N,) the same between the arm and the cloud, as the robot sees it.
+        clearance_m: (N,) true smallest distance between Pepper and the obstacles, at most 0.1.
+        seen_clearance_m: (N,) the same between the arm and the perceived cloud.
         cloud_torso_m: (P, 3) the cloud when the arm started.
         demonstration_m: (M, 3) the demonstrated path.
-        taught_path_torso_m: (K, 3) the taught primitive's path from where the arm started to the
-            goal as it moved, neither bent nor adapted; no rows if the arm did not start.
+        taught_path_torso_m: (K, 3) the taught primitive's path from the arm's start to the (moving)
+            goal, neither bent nor adapted; no rows if the arm did not start.
     """
 
     __repr__ = short_repr
@@ -95,20 +95,20 @@ class ReachLog:
     hand_opening: Vector
 
     def save(self, path: Path, *, compress: bool = True) -> None:
-        """Writes all arrays into one file, compressed unless it is to be fast."""
+        """Writes all arrays into one file; writing is faster without compression."""
         save = np.savez_compressed if compress else np.savez
         save(path, **{f.name: getattr(self, f.name) for f in fields(self)})
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Reads what `save` wrote.
+        """Reads a file that `save` wrote.
 
         Raises:
-            InputError: The file is missing, is no log, lacks an array, or one has another shape.
+            InputError: The file is missing, not a log, or an array is missing or of wrong shape.
         """
         required = [f.name for f in fields(cls) if f.name != _HANDS]
         arrays = read_arrays(path, required)
-        with contextlib.suppress(InputError):  # Logs of before the hands moved lack them.
+        with contextlib.suppress(InputError):  # Older logs lack the hands.
             arrays |= read_arrays(path, [_HANDS])
         hands = arrays.setdefault(_HANDS, np.zeros((len(arrays["time_s"]), 0)))
         for name in ("cloud_torso_m", "demonstration_m", "taught_path_torso_m"):
@@ -116,9 +116,9 @@ class ReachLog:
             if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.abs(points) < 1e3):
                 raise InputError(f"{path}: {name} must be rows of x y z; record the run again")
         offsets = arrays["object_offset_m"]
-        things = offsets.shape[1] // 3 if offsets.ndim == 2 else 1
+        objects = offsets.shape[1] // 3 if offsets.ndim == 2 else 1
         width = len(HANDS) if hands.size else 0
-        check_rows(path, arrays, {**_COLUMNS, "object_offset_m": 3 * things, _HANDS: width})
+        check_rows(path, arrays, {**_COLUMNS, "object_offset_m": 3 * objects, _HANDS: width})
         whole = {name: arrays[name] for name in ("mode", "movement_origin")}
         for name, values in whole.items():
             if not np.all((values >= 0) & (values < 100) & (values == np.round(values))):

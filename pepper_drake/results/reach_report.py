@@ -1,4 +1,4 @@
-"""The numbers of one reach, from its log and from the truth."""
+"""The results of one reach, from its log and the ground truth."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -18,7 +18,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass
 class CloudReport:
-    """Quality of the obstacle cloud at the moment when the arm started, against the truth."""
+    """Quality of the obstacle cloud against the truth at the time when the arm started."""
 
     points: int = 0
     rms_error: float | None = None
@@ -31,17 +31,17 @@ class CloudReport:
 
 @dataclass
 class TaskOutcome:
-    """One task of a run: the reach, or what came after it."""
+    """Outcome of one task of a run: of the reach, or of a task after it."""
 
     name: str = ""
     began: float = 0.0
-    """Time at which it began."""
+    """Start time."""
     seconds: float = 0.0
-    """Time that it took."""
+    """Duration."""
     final_position_error: float = 0.0
-    """Distance between the hand and its true goal at its end."""
+    """Distance between the hand and its true goal at the end."""
     minimum_clearance: float = 0.0
-    """Least signed distance between Pepper and obstacles while it lasted."""
+    """Smallest signed distance between Pepper and obstacles during the task."""
 
 
 @dataclass
@@ -51,9 +51,9 @@ class ReachReport:
     outcome: str = "failed"
     """"reached", "reached_unconfirmed" (at the goal, which was not seen recently) or "failed"."""
     reason: str = ""
-    """In one word why it failed; empty when it did not."""
+    """Reason of a failure, in one word; empty without one."""
     message: str = ""
-    """The same as a sentence."""
+    """The reason as a sentence."""
     scene: str = ""
     arm: str = ""
     seed: int = 0
@@ -61,46 +61,46 @@ class ReachReport:
     final_position_error: float | None = None
     """Distance between the hand and the true pre-grasp pose at the end."""
     final_orientation_error: float | None = None
-    """Angle between the two. Five joints cannot take every pose: position comes first."""
+    """Angle between the two. Five joints cannot reach every pose: position has priority."""
     final_axis_error: float | None = None
-    """The same of the hand's axis that counts for the task: the scene's `goal.pre_grasp.axis`."""
+    """The same for the hand's axis that matters for the task, the scene's `goal.pre_grasp.axis`."""
     axis_tolerance: float | None = None
-    """Largest such angle with which the hand counts as at its goal."""
+    """Largest error of that axis at which the hand counts as at its goal."""
     movement: MovementReport = field(default_factory=MovementReport)
     """The movement as it was performed: as shown, bent or adapted."""
     goal_estimate_error: float | None = None
     """Distance between the estimated and the true pre-grasp position at the end."""
     minimum_clearance: float | None = None
-    """Least signed distance between any link of Pepper and any obstacle over the whole run."""
+    """Smallest signed distance between any link of Pepper and any obstacle over the whole run."""
     closest_pair: str = ""
-    """Link and obstacle of the least clearance."""
+    """Link and obstacle with the smallest clearance."""
     contacts: int | None = 0
-    """Time steps (of 20 ms) with a link in contact with an obstacle; None, as the next ones, where
-    nobody measured it."""
+    """Time steps (of 20 ms) with a link in contact with an obstacle; this and the next fields are
+    None if not measured."""
     touch_speed: float | None = None
-    """Speed of link and obstacle against each other at the first touch; None without one."""
+    """Relative speed of link and obstacle at the first contact; None without one."""
     own_touch_speed: float | None = None
-    """The link's part in it."""
+    """The link's share of that speed."""
     contact_force: float | None = 0.0
     """Largest force between Pepper and obstacles [N]."""
     goal_force: float | None = 0.0
     """Largest force between Pepper and the goal object [N]."""
     arm_speed: float | None = 0.0
-    """Largest speed of a point of the reaching arm, against the torso."""
+    """Largest speed of a point of the reaching arm, relative to the torso."""
     command_acceleration: float | None = 0.0
     """Largest acceleration of a joint's commands [rad/s^2]."""
     stopping_seconds: float | None = None
-    """After a failure: time until arms, body and base stood still; None if the run ended before."""
+    """Time from a failure until arms, body and base stood still; None if the run ended before."""
     tasks: list[TaskOutcome] = field(default_factory=list)
-    """The reach, and the tasks after it that were begun."""
+    """The reach, and the tasks that were started after it."""
     faults: list[str] = field(default_factory=list)
     """The faults that were injected, as SIGNAL:KIND@START[+DURATION]."""
     unseen_volume: float = 0.0
-    """Volume of unseen space that the arm's last plan passed [m³]; 0 unless that was accepted."""
+    """Unseen part of the arm's swept volume in the last plan [m³]; 0 unless that was accepted."""
     out_of_view_volume: float = 0.0
-    """The same of space close to the chest that no head angle shows [m³]."""
+    """The same for space close to the chest that no head angle brings into view [m³]."""
     drive_out_of_view_volume: float = 0.0
-    """The same of what the whole robot passed on its last drive [m³]: low and near, mostly."""
+    """The same for the whole robot's swept volume in its last drive [m³]: mostly low and near."""
     tracking_error_rms: float | None = None
     """Root mean square distance between the hand and the primitive's position during the reach."""
     planning_seconds: float | None = None
@@ -114,12 +114,12 @@ class ReachReport:
     versions: dict[str, str] = field(default_factory=dict)
 
     def save(self, path: Path) -> None:
-        """Writes the report as JSON; what is not finite becomes null."""
+        """Writes the report as JSON; non-finite numbers become null."""
         path.write_text(json.dumps(_finite(asdict(self)), indent=2) + "\n")
 
     @classmethod
     def load(cls, path: Path) -> "ReachReport":
-        """Reads what `save` wrote.
+        """Reads a file that `save` wrote.
 
         Raises:
             InputError: The file is missing or is not a report of a reach.
@@ -135,7 +135,7 @@ class ReachReport:
         return report
 
     def summary(self) -> str:
-        """A few lines for the terminal."""
+        """Returns a few lines for the terminal."""
         lines = [f"{self.outcome}" + (f": {self.message}" if self.message else "")]
         lines.extend(self.movement.lines(coupled=self.coupling != "none"))
         if self.final_position_error is not None:
@@ -184,7 +184,7 @@ class ReachReport:
         return "\n".join(lines)
 
     def _orientation_lines(self) -> list[str]:
-        """Lines on the hand's final orientation, and the reason for its error."""
+        """Returns lines on the hand's final orientation, and the reason for its error."""
         whole, axis, tolerance = (
             self.final_orientation_error,
             self.final_axis_error,
@@ -209,7 +209,7 @@ def _finite(value: Any) -> Any:
 
 
 def pose_error(X_WA: RigidTransform, X_WB: RigidTransform) -> tuple[float, float]:
-    """Distance (m) and angle (rad) between two poses."""
+    """Returns the distance [m] and the angle [rad] between two poses."""
     distance = float(np.linalg.norm(X_WA.translation() - X_WB.translation()))
     angle = (X_WA.rotation().inverse() @ X_WB.rotation()).ToAngleAxis().angle()
     return distance, float(abs(angle))

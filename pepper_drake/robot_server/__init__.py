@@ -1,1 +1,1 @@
-"""A simulated Pepper that speaks NAOqi: any client program takes its address for a robot."""
+"""A simulated Pepper that speaks NAOqi: client programs use its address like a robot's."""

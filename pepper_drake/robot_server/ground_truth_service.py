@@ -1,4 +1,4 @@
-"""A service on a port of its own for what no robot has: the truth, and a person's hand."""
+"""A service on a separate port for what no robot has: ground truth, and a person's hand."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,7 +40,7 @@ def make_extras(robot: SimulatedRobot) -> Service:
     )
 
     def move_goal(*offset: float) -> None:
-        if not all(abs(value) <= _FARTHEST for value in offset):  # Which NaN is not.
+        if not all(abs(value) <= _FARTHEST for value in offset):  # False for NaN.
             raise ServiceError(f"PepperDrake::moveGoal: within {_FARTHEST:g} m along each axis")
         with _refusing("moveGoal"):
             robot.move_goal(offset)
@@ -81,7 +81,7 @@ def make_extras(robot: SimulatedRobot) -> Service:
 
 @contextmanager
 def _refusing(method: str) -> Iterator[None]:
-    """Makes a wrong value an error reply."""
+    """Turns a ValueError into an error reply."""
     try:
         yield
     except ValueError as error:

@@ -70,17 +70,17 @@ from pepper_drake.robot_server.wire.service import Service, ServiceFinder
 from pepper_drake.robot_server.wire.signatures import make_service, service_signatures
 
 _POSTURE_CYCLES = 25
-"""Cycles between two looks at which posture the robot is in."""
+"""Cycles between checks of the robot's posture."""
 
 
 class ServedPepper:
-    """A Pepper's services, and the cycle that keeps them going.
+    """A Pepper's services, and the cycle that runs them.
 
-    Whoever serves it calls `step` every 20 ms of the robot's clock, on the loop on which the
-    services' methods are called.
+    The server calls `step` every 20 ms of the robot's clock, on the event loop of the services'
+    methods.
 
     Attributes:
-        services: To be registered.
+        services: To register.
         finder: The directory; set by the server, so that events can call clients' modules.
         motion: ALMotion.
         memory: ALMemory.
@@ -99,8 +99,8 @@ class ServedPepper:
 
         Args:
             port: The robot.
-            log: Takes a line of what the robot says, shows, and what was asked in vain.
-            awake: Whether the joints are stiff from the start, as after a robot's boot.
+            log: Takes a line on what the robot says or shows, or on calls without effect.
+            awake: Whether the joints are stiff from the start, as after booting.
             files: Folder for the robot's files, such as pictures; None for no files.
         """
         self.finder: ServiceFinder | None = None
@@ -189,13 +189,13 @@ class ServedPepper:
         self.services: list[Service] = []
         for name in service_signatures():
             module = served.get(name) or Module(name)
-            module.served = make_service(name, module, on_unserved=self._ask_in_vain)
+            module.served = make_service(name, module, on_unserved=self._log_unserved)
             self.services.append(module.served)
         self._service("ALMotion").on_client_left = self.motion.client_left
         self._service("ALVideoDevice").on_client_left = self.video.client_left
 
     def step(self) -> None:
-        """Does one cycle of 20 ms."""
+        """Runs one cycle of 20 ms."""
         self.motion.step()
         state = self.motion.state
         self._timer.step(state.time)
@@ -209,7 +209,7 @@ class ServedPepper:
     def _service(self, name: str) -> Service:
         return next(service for service in self.services if service.name == name)
 
-    def _ask_in_vain(self, name: str) -> None:
+    def _log_unserved(self, name: str) -> None:
         if name not in self._unserved:
             self._unserved.add(name)
             self._log(f"{name} was asked for and is not simulated")

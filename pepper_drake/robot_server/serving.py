@@ -1,4 +1,4 @@
-"""The services' cycle beside the robot's clock."""
+"""The services' cycle, synchronised with the robot's clock."""
 
 import asyncio
 from collections.abc import Callable
@@ -9,28 +9,28 @@ from pepper_drake.robot_server.robot.simulator import SLOWEST_SHOWN
 from pepper_drake.robot_server.served_pepper import ServedPepper
 
 _LOOK = 0.002
-"""Time between two looks at the robot's clock [s]."""
+"""Polling period of the robot's clock [s]."""
 _SETTLED = 250
-"""Cycles after which the clock's rate is known."""
+"""Cycles after which the measured rate of the clock has settled."""
 
 
 async def keep_serving(
     pepper: ServedPepper, robot: SimulatedRobot, stop: asyncio.Event, say: Callable[[str], None]
 ) -> None:
-    """Steps the services once for each 20 ms of the robot's clock, until told to stop.
+    """Steps the services once every 20 ms of the robot's clock, until told to stop.
 
-    After a pause cycles are left out, as ALMotion does, and never run in a burst.
+    After a pause missed cycles are skipped, as in ALMotion, never caught up in a burst.
 
     Args:
         pepper: The services.
         robot: The robot.
         stop: Set to end.
-        say: Takes a line for people.
+        say: Prints a line for the user.
 
     Raises:
         PepperDrakeError: The simulation ended.
     """
-    cycle, cycles, told = -1, 0, False
+    cycle, cycles, has_warned = -1, 0, False
     while not stop.is_set():
         now = round(robot.state().time / CYCLE)
         if now != cycle:
@@ -39,8 +39,8 @@ async def keep_serving(
             if cycles % 50 == 0:
                 robot.check()
                 rate = float(robot.record()["rate"])
-                if not told and cycles > _SETTLED and rate < SLOWEST_SHOWN:
-                    told = True
+                if not has_warned and cycles > _SETTLED and rate < SLOWEST_SHOWN:
+                    has_warned = True
                     say(
                         f"this machine is too slow: the robot's clock runs at {rate:.2f} of the "
                         "rate that was asked for; --rate sets a slower one"

@@ -1,4 +1,4 @@
-"""A person beside the served robot, who shows its limp arm a movement."""
+"""A simulated person who demonstrates a movement with the served robot's limp arm."""
 
 import asyncio
 from collections.abc import Callable, Iterator
@@ -22,14 +22,14 @@ _PRESSED = 0.2
 async def show_when_limp(
     script: GuideScript, robot: SimulatedRobot, motion: Motion, say: Callable[[str], None]
 ) -> None:
-    """Leads an arm along a script each time that it has gone limp, until cancelled.
+    """Guides an arm along a script whenever it has gone limp, until cancelled.
 
     Args:
-        script: The movement, mirrored for the other arm; its posture is not looked at, the arm is
-            led from where it hangs.
+        script: The movement, mirrored for the other arm; its initial posture is ignored: the arm is
+            guided from its current pose.
         robot: The robot.
         motion: Its ALMotion.
-        say: Takes a line for people.
+        say: Prints a line for the user.
     """
     scripts = (script, script.mirrored())
 
@@ -65,7 +65,7 @@ async def show_when_limp(
 
 @contextmanager
 def _held(robot: SimulatedRobot) -> Iterator[None]:
-    """Lets go of the robot in the end, whatever happens."""
+    """Releases the robot in the end, whatever happens."""
     try:
         yield
     finally:
@@ -79,6 +79,6 @@ async def _until(is_so: Callable[[], bool]) -> None:
 
 
 async def _sleep(robot: SimulatedRobot, seconds: float) -> None:
-    """Waits for a time by the robot's clock [s]."""
+    """Waits for a duration by the robot's clock [s]."""
     end = robot.state().time + seconds
     await _until(lambda: robot.state().time >= end)

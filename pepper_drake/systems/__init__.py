@@ -1,8 +1,8 @@
-"""LeafSystems, one class a file, thin over the package's plain functions.
+"""LeafSystems, one class per file: thin wrappers around the package's plain functions.
 
-The ones here know no Pepper: they serve any robot whose hand follows a learned movement, any
-camera and any cloud. `examples/cartesian_robot.py` puts them around another robot. Each has an
-example in its docstring.
+Those exported here do not depend on Pepper: they serve any robot whose hand follows a learned
+movement, any camera and any point cloud. `examples/cartesian_robot.py` uses them with another
+robot. Each has an example in its docstring.
 """
 
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem, CanonicalSystem_

@@ -8,9 +8,9 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class Constant(LeafSystem):
-    """Gives the same value at all times.
+    """Outputs a constant value.
 
-    Drake's constant sources count as changed with time, and with them all that is computed of them.
+    Drake's constant sources depend on time, which invalidates everything computed from them.
 
     .. pydrake_system::
 
@@ -18,10 +18,10 @@ class Constant(LeafSystem):
         output_ports:
         - value
 
-    Output: `value`, a vector (n) or what is in an abstract Value. No state.
+    Output: `value`, a vector (n) or the content of an abstract Value. No state.
 
     Args:
-        value: Numbers (n,), or any other as a Value.
+        value: Numbers (n,), or anything else wrapped in a Value.
 
     Examples:
         >>> source = Constant([1.0, 2.0])

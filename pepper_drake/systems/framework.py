@@ -1,13 +1,13 @@
-"""Drake's LeafSystem and Diagram as bases of Python classes that are freed when nobody uses them.
+"""Drake's LeafSystem and Diagram as bases of Python classes that the garbage collector can free.
 
-On Python 3.11 and 3.12 pybind11 shows the attributes of an instance of a Python subclass to the
-garbage collector twice: once as the base class's and once as the subclass's. A system and its ports
-refer to one another, and the collector, which counts references, never finds such a circle unused.
-A class with empty `__slots__` brings no attributes of its own; its instances keep theirs, as they
-are, where the base class has them.
+On Python 3.11 and 3.12 pybind11 reports the attributes of an instance of a Python subclass to the
+garbage collector twice: once for the base class and once for the subclass. A system and its ports
+refer to each other, and with the references miscounted the collector never frees such a cycle.
+A class with empty `__slots__` has no attribute storage of its own; its instances store their
+attributes in the base class's.
 
-What Drake calls to compute an output or a cache entry is kept in C++, where the collector does not
-look at all. So functions are handed over with weak references to their system.
+Drake keeps the functions that compute outputs and cache entries in C++, where the collector cannot
+see them. So they are passed with weak references to their system.
 """
 
 import weakref
@@ -23,13 +23,13 @@ from pepper_drake.short_repr import shortened
 
 
 class _Collectable(type(framework.LeafSystem)):  # type: ignore[misc]
-    """Makes classes whose instances have no attributes of their own; see above."""
+    """Makes classes without attribute storage of their own; see above."""
 
     def __new__(
         cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any
     ) -> "_Collectable":
         namespace.setdefault("__slots__", ())
-        # Drake makes the constructor of a system for a scalar type, `(*args, **kwargs)`.
+        # Drake generates the constructor of a scalar-templated system as `(*args, **kwargs)`.
         constructor = namespace.get("_construct") or namespace.get("__init__")
         if constructor is not None:
             whole = shortened(constructor)
@@ -39,14 +39,14 @@ class _Collectable(type(framework.LeafSystem)):  # type: ignore[misc]
 
 
 class CacheEntry:
-    """A cache entry of a system, which it may keep; Drake's own keeps the system in turn."""
+    """A cache entry that its system can store: Drake's own would keep the system alive."""
 
     def __init__(self, system: Any, entry: framework.CacheEntry) -> None:
         self._system, self._index = weakref.proxy(system), entry.cache_index()
         self._ticket = entry.ticket()
 
     def Eval(self, context: framework.Context) -> Any:
-        """Returns the entry's value, computed anew if need be."""
+        """Returns the entry's value, recomputed if out of date."""
         return self._system.get_cache_entry(self._index).Eval(context)
 
     def ticket(self) -> framework.DependencyTicket:
@@ -56,14 +56,14 @@ class CacheEntry:
 
 @cache
 def leaf_system(base: type) -> Any:
-    """Returns a LeafSystem of a scalar type as a base of Python classes.
+    """Returns a collectable LeafSystem of a scalar type, to derive Python classes from.
 
     Args:
         base: Such as `LeafSystem_[T]`.
     """
 
     class LeafSystem(base, metaclass=_Collectable):
-        """A LeafSystem that is freed when nobody uses it."""
+        """A LeafSystem that is freed when unused."""
 
         def DeclareVectorOutputPort(self, *args: Any, **options: Any) -> OutputPort:
             """As Drake's."""
@@ -74,7 +74,7 @@ def leaf_system(base: type) -> Any:
             return super().DeclareAbstractOutputPort(*map(_weak, args), **_all_weak(options))
 
         def DeclareCacheEntry(self, *args: Any, **options: Any) -> CacheEntry:
-            """As Drake's; its ValueProducer is to be of this module."""
+            """As Drake's; takes a ValueProducer of this module."""
             return CacheEntry(self, super().DeclareCacheEntry(*args, **options))
 
     return LeafSystem
@@ -84,21 +84,21 @@ LeafSystem = leaf_system(framework.LeafSystem)
 
 
 def build_into(builder: framework.DiagramBuilder, diagram: framework.Diagram) -> None:
-    """Builds a diagram of all that a builder has been given, and empties the builder.
+    """Builds a diagram of a builder's systems, and empties the builder.
 
-    Drake keeps systems alive by the builder, and the builder by what some of its methods return,
-    where the garbage collector does not look. Afterwards the diagram keeps them itself.
+    Drake keeps systems alive through the builder, and the builder through what some of its methods
+    return, hidden from the garbage collector. Afterwards the diagram itself keeps the systems.
 
     Args:
-        builder: Not needed any more afterwards.
-        diagram: An instance of a subclass in its making.
+        builder: Must not be used afterwards.
+        diagram: The Diagram subclass instance being constructed.
     """
     builder.BuildInto(diagram)
     _hand_over(builder, diagram)
 
 
 def build(builder: framework.DiagramBuilder) -> framework.Diagram:
-    """Returns a diagram of all that a builder has been given; see `build_into`."""
+    """Returns a diagram of a builder's systems; see `build_into`."""
     diagram = builder.Build()
     _hand_over(builder, diagram)
     return diagram
@@ -114,31 +114,31 @@ def connect(
     """Connects outputs to inputs of the same name, or of another: `output="input"`.
 
     Args:
-        builder: Of the diagram that both systems are in.
-        source: Has the outputs.
-        target: Has the inputs.
-        names: Of ports that have the same name on both sides.
-        renamed: The input's name by the output's.
+        builder: Builder of the diagram that contains both systems.
+        source: System with the outputs.
+        target: System with the inputs.
+        names: Ports with the same name on both systems.
+        renamed: Input names by output name.
     """
     for name, port in (*zip(names, names, strict=True), *renamed.items()):
         builder.Connect(source.GetOutputPort(name), target.GetInputPort(port))
 
 
 def export_input(builder: framework.DiagramBuilder, name: str, *ports: framework.InputPort) -> None:
-    """Makes one input of the diagram of all these inputs."""
+    """Exports several inputs as one input of the diagram."""
     builder.ExportInput(ports[0], name)
     for port in ports[1:]:
         builder.ConnectInput(name, port)
 
 
 def release(diagram: framework.Diagram, *others: framework.System) -> None:
-    """Lets a diagram of `build` go on this thread as soon as its last user does.
+    """Has a diagram made by `build` freed on this thread with its last reference.
 
-    What renders has to go on the thread that made it; the garbage collector runs on any.
+    A renderer must be freed on the thread that made it; the garbage collector runs on any.
 
     Args:
-        diagram: Of systems of C++ alone; nothing may be asked of it any more.
-        others: Systems that belong to it without being in it.
+        diagram: Consists of C++ systems only; must not be used afterwards.
+        others: Systems that belong to it without being part of it.
     """
     parts = [part for peers in vars(diagram).pop("_kept").values() for part in peers]
     for part in (*parts, *others):
@@ -151,12 +151,12 @@ def _hand_over(builder: framework.DiagramBuilder, diagram: framework.Diagram) ->
 
 
 def ValueProducer(allocate: Callable[[], Any], calc: Callable[..., object]) -> Any:
-    """Returns Drake's ValueProducer of a cache entry."""
+    """Returns Drake's ValueProducer for a cache entry, with weak references to the system."""
     return framework.ValueProducer(allocate=_weak(allocate), calc=_weak(calc))
 
 
 class Diagram(framework.Diagram, metaclass=_Collectable):
-    """A Diagram that is freed when nobody uses it."""
+    """A Diagram that is freed when unused."""
 
     def GetMyContextFromRoot(self, root_context: framework.Context) -> framework.Context:
         """As Drake's."""
@@ -173,8 +173,8 @@ class Diagram(framework.Diagram, metaclass=_Collectable):
     def _owns(self, context: framework.Context) -> bool:
         """Tells whether a context is the diagram's own.
 
-        Drake lets what its functions return keep what they were given: a root context that is
-        returned as it is would keep itself, and the simulator that owns it, for ever.
+        Drake's bindings make a returned context keep the one passed in alive: a root context
+        returned unchanged would keep itself, and the simulator that owns it, alive for ever.
         """
         try:
             self.ValidateContext(context)
@@ -184,7 +184,7 @@ class Diagram(framework.Diagram, metaclass=_Collectable):
 
 
 def _weak(value: Any) -> Any:
-    """Returns a function that keeps no system; what is no function is returned as it is.
+    """Returns a function that keeps no system alive; returns other values unchanged.
 
     Bound methods get a weak reference to their object; in closures and partial functions, systems
     and their ports become weak proxies.
@@ -207,7 +207,7 @@ def _weak(value: Any) -> Any:
         )
     if type(value) in (list, tuple):
         return type(value)(map(_weak, value))
-    # A port keeps its system, which keeps the port: it is there as long as it may be asked for.
+    # A port and its system keep each other alive, so the proxy is valid whenever it is used.
     if isinstance(value, framework.SystemBase) or hasattr(type(value), "get_system"):
         return weakref.proxy(value)
     return value

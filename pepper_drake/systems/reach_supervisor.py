@@ -1,4 +1,4 @@
-"""The supervision of a reach as a LeafSystem: ports around `reach_state_machine.step`."""
+"""Supervises a reach: a LeafSystem around `reach_state_machine.step`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Shared:
-    """A planner in a cache, which clones of a context share: it remembers nothing."""
+    """A cached planner, shared by clones of a context, as it has no state."""
 
     planner: Planner
 
@@ -51,7 +51,7 @@ class _Shared:
 
 
 class ReachSupervisor(LeafSystem):
-    """Decides what Pepper does next: look, drive, reach, hold, or stop and say why.
+    """Decides what Pepper does next: look, drive, reach, hold, or stop and report why.
 
     .. pydrake_system::
 
@@ -95,22 +95,21 @@ class ReachSupervisor(LeafSystem):
     hand's goal in T [m]; `image_ages` (2) of the top and the bottom camera's newest images [s];
     `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last image [s], not finite
     before the first; `cloud_fault` (1), a `DepthFault`; `predicted_cloud` (PointCloud in W),
-    predicted positions of moving obstacles; `space`, abstract SeenSpace, what was seen of all
-    places, taken for known everywhere if left out; `joint_position` (15) [rad]; `base_pose` (3) [m,
-    rad]; `hand_pose` X_TH and `desired_position` (3), where the primitive wants the hand in T [m];
-    `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], at rest where it is measured
-    if left out; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the safety monitor's `StopReason`,
-    and `stop_joint` (1), the index of the joint that it is about or -1; `base_blocked` (1), whether
-    the base waits for something in its way; `predicted_clearance` (1), to which the arm's motion
-    leads where moving obstacles are predicted [m]; `command` (1), a `ReachCommand`, REACH if
-    unconnected; `primitive`, abstract MovementPrimitive, is what is performed in place of the
-    planner's own, or a Movement, whose X_OG is the goal as well.
-    Outputs: `movement`, abstract Movement: the one that runs, by number, or number 0 of the one
-    that is next or of an arm that brakes; `started` (1), whether the arm reaches or has reached;
+    predicted positions of moving obstacles; `space`, abstract SeenSpace, the observed free and
+    occupied space, without it all space counts as known; `joint_position` (15) [rad]; `base_pose`
+    (3) [m, rad]; `hand_pose` X_TH and `desired_position` (3), the primitive's desired hand position
+    in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], the measured
+    position and zero if unconnected; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the safety
+    monitor's `StopReason`, and `stop_joint` (1), the index of the joint that caused it or -1;
+    `base_blocked` (1), whether an obstacle blocks the base; `predicted_clearance` (1), clearance to
+    predicted obstacles that the arm's motion approaches [m]; `command` (1), a `ReachCommand`, REACH
+    if unconnected; `primitive`, abstract MovementPrimitive that replaces the planner's own, or a
+    Movement, whose X_OG replaces the goal as well.
+    Outputs: `movement`, abstract Movement: the running one, with its number, or with number 0 the
+    next one or that of a braking arm; `started` (1), whether the arm reaches or has reached;
     `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `movement_origin` (1), the
-    `Origin` of the movement that is performed; `look_at` (3), a place in W that the head has to
-    look at [m], NaN for none; `speed` (1), the share of the movement's speed at which it is
-    performed; `progress`, the whole `ReachState`.
+    `Origin` of the performed movement; `look_at` (3), a point in W for the head to look at [m], NaN
+    for none; `speed` (1), speed scale of the movement; `progress`, the whole `ReachState`.
     State: `ReachState` (abstract), every `timing.time_step`.
     """
 
@@ -128,7 +127,7 @@ class ReachSupervisor(LeafSystem):
             planner: Finds plans.
             timing: Durations, timeouts and latencies.
             arm: "left" or "right", the arm that reaches.
-            planner_for: Makes the planner for another primitive, where one may come in.
+            planner_for: Makes the planner for a primitive at the input `primitive`.
         """
         super().__init__()
         self._planner, self._timing = planner, timing
@@ -205,7 +204,7 @@ class ReachSupervisor(LeafSystem):
         part: Callable[[ReachState], Any],
         tickets: set[DependencyTicket],
     ) -> None:
-        """Declares an output for numbers of the state."""
+        """Declares an output computed from the state."""
 
         def calc(context: Context, output: BasicVector) -> None:
             output.SetFromVector(np.asarray(part(self.progress(context)), dtype=float))
@@ -217,12 +216,12 @@ class ReachSupervisor(LeafSystem):
         return context.get_abstract_state(int(self._state)).get_value()
 
     def demonstrated(self, context: Context) -> Movement:
-        """Returns the movement as it was demonstrated, with the primitive of now."""
+        """Returns the movement as demonstrated, with the present primitive."""
         movement: Movement = self._planner_entry.Eval(context).planner.demonstrated
         return movement
 
     def observe(self, context: Context) -> Observation:
-        """Returns what is known now, from the input ports."""
+        """Returns an observation made from the input ports."""
         ports = self._ports
 
         def value(name: str) -> Any:
@@ -237,7 +236,7 @@ class ReachSupervisor(LeafSystem):
         def optional(name: str) -> Vector | None:
             return vector(name) if ports[name].HasValue(context) else None
 
-        # Copies: the state keeps observations, and values of ports change in place.
+        # Copies: the state keeps observations, and port values change in place.
         X_WO, joints = RigidTransform(value("object_pose")), np.array(value("joint_position"))
         measured = joints[self._arm_in_body]
         position, velocity = optional("arm_position_command"), optional("arm_velocity_command")
@@ -285,7 +284,7 @@ class ReachSupervisor(LeafSystem):
         )
 
     def _stop_joint(self, context: Context) -> str:
-        """Returns the name of the joint that a stop is about, "" for none."""
+        """Returns the name of the joint that caused a stop, "" for none."""
         port = self._ports["stop_joint"]
         joint = int(port.Eval(context)[0]) if port.HasValue(context) else -1
         return BODY_JOINTS[joint] if joint >= 0 else ""

@@ -1,4 +1,4 @@
-"""Tasks in sequence as a LeafSystem: ports around `task_sequence.advance`."""
+"""A sequence of tasks: a LeafSystem around `task_sequence.advance`."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class TaskSequencer(LeafSystem):
-    """Tells the supervisor, once it is done with a movement, what comes next.
+    """Gives the supervisor the next task once it has finished a movement.
 
     .. pydrake_system::
 
@@ -42,13 +42,13 @@ class TaskSequencer(LeafSystem):
     `hand_pose` X_TH.
     Outputs: `command` (1), a `ReachCommand`; `primitive`, abstract Movement, with the goal of the
     present task; `task` (1), its number, 0 for the reach; `hand_command` (2), openings from 0,
-    closed, to 1, open, in the order of `HANDS`, NaN for a hand that is left as it is.
+    closed, to 1, open, in the order of `HANDS`, NaN to leave a hand unchanged.
     State: `SequenceState` (abstract), every `time_step`.
 
     Args:
-        reach: The reach that comes first.
-        tasks: What follows.
-        arm: Whose hand opens and closes, "right" or "left".
+        reach: The reach that is performed first.
+        tasks: The tasks that follow.
+        arm: Arm whose hand opens and closes, "right" or "left".
         time_step: The supervisor's [s].
     """
 

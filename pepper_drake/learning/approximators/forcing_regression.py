@@ -1,10 +1,10 @@
 """Approximators that regress the forcing term itself: LWR, LWR with slopes, RBFN.
 
-`lwr` is the report's B.1: each basis function's weight minimises its own weighted error. Its
-overlap of 0.4 keeps the weights local: the local mean flattens curves by a share that grows with
-the square of the width, and narrower functions would see fewer than two samples each when there
-are 60 of them on 2 s at 100 Hz. `lwr_slopes` fits a line instead of a mean. `rbfn` (B.2 to B.4)
-fits all weights at once; wide functions then interpolate best, and the ridge keeps them tame.
+`lwr` is the report's B.1: each basis function's weight minimises its own weighted error. An
+overlap of 0.4 is a compromise: the local mean flattens curves in proportion to the width squared,
+and with 60 basis functions on 2 s at 100 Hz narrower ones would see fewer than two samples each.
+`lwr_slopes` fits a line instead of a mean. `rbfn` (B.2 to B.4) fits all weights at once; wide
+functions then interpolate best, and the ridge term regularises them.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ RBFN_OVERLAP = 1.0
 
 
 def fit_lwr(data: ForcingData, num_basis: int, seed: int) -> GaussianForcing:
-    """Locally weighted regression, one weight a basis function (B.1).
+    """Locally weighted regression, one weight per basis function (B.1).
 
     w_i = sum_t psi_i xi f / sum_t psi_i xi², with xi = x times the scaling.
     """
@@ -46,7 +46,7 @@ def fit_lwr_slopes(data: ForcingData, num_basis: int, seed: int) -> GaussianForc
     )
     m0, m1 = ((kernels * x * power).T @ (data.targets * squares) for power in (1.0, offsets))
     tiny = np.finfo(float).tiny
-    # A basis function that sees one sample only has no slope: the ridge makes it zero.
+    # With a single sample the slope is undetermined: the ridge makes it zero.
     s2 = s2 + 1e-9 * s0
     determinants = np.maximum(s0 * s2 - s1 * s1, tiny)
     heights = (m0 * s2 - m1 * s1) / determinants

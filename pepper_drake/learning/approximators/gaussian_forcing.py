@@ -1,13 +1,13 @@
-"""The forcing term of Gaussian basis functions: what all linear approximators but GMR learn.
+"""A forcing term of Gaussian basis functions, the model of all approximators but GMR and LWPR.
 
 f(x) = sum_i psi_i(x) (w_i + w'_i (x - c_i) / sigma_i) / sum_i psi_i(x) * x,
 psi_i = exp(-(x - c_i)² / (2 sigma_i²)) (equation 2.5 of the report; w' only with slopes; without
 the division for a radial basis function network, B.2).
 
-Centres are spread evenly in time. Each width is a multiple, called overlap, of the distance to the
-next centre as it is at the centre itself: sigma_i = overlap alpha_x ds c_i, so that all basis
-functions look alike in time. Past the end of the motion they stay as they are and the gate x falls
-like x³ instead: faster than the spring settles.
+Centres are evenly spaced in time. Each width is the overlap times the local distance between
+centres, sigma_i = overlap alpha_x ds c_i, so that all basis functions have the same shape in time.
+Past the end of the motion the basis functions are held and the gate x becomes x³, which falls
+faster than the spring settles.
 """
 
 import math
@@ -24,10 +24,10 @@ from pepper_drake.files import LARGEST_NUMBER
 from pepper_drake.learning.phase import Array, hold
 
 FARTHEST_CENTRE = 100.0
-"""No basis function is centred farther from the phase, which goes from 1 to 0."""
+"""Largest distance of a basis function's centre from phase 0; the phase falls from 1 to 0."""
 
 _FEW = 16
-"""Phases up to which they are treated one by one: a step of a motion asks for four at most."""
+"""Up to this many phases are evaluated in a scalar loop: a step needs four at most."""
 
 
 @compiled
@@ -40,7 +40,7 @@ def _combine_few(
     normalized: bool,
     slopes: bool,
 ) -> Array:
-    """Does what `GaussianBasis.combine` does, number by number."""
+    """Evaluates `GaussianBasis.combine` in a scalar loop."""
     count = len(slope)
     total = np.zeros((len(phases), weights.shape[1]))
     for n in range(len(phases)):
@@ -68,7 +68,7 @@ class GaussianBasis:
         centres: (B,) c in the phase.
         widths: (B,) sigma in the phase.
         normalized: Whether the functions are divided by their sum.
-        slopes: Whether each has a local line beside its constant: twice as many features.
+        slopes: Whether each has a slope beside its constant: twice as many features.
         alpha_x: Decay rate of the phase.
     """
 
@@ -84,7 +84,7 @@ class GaussianBasis:
         return len(self.centres) * (2 if self.slopes else 1)
 
     def activations(self, phases: npt.ArrayLike) -> Array:
-        """Returns the basis functions (N, B) at phases (N,), normalised if they are to be."""
+        """Returns the basis functions (N, B) at phases (N,), normalised if `normalized`."""
         values = self._raw(np.asarray(phases))[0]
         return values / values.sum(axis=1)[:, None] if self.normalized else values
 
@@ -98,9 +98,9 @@ class GaussianBasis:
         return np.concatenate((values, values * offsets), axis=1) if self.slopes else values
 
     def combine(self, phases: Array, weights: Array) -> Array:
-        """Returns features(phases) @ weights, (N, D), without making the features."""
+        """Returns features(phases) @ weights, (N, D), without building the features."""
         if len(phases) <= _FEW and phases.dtype == weights.dtype == np.float64:
-            # Copies: compiled anew it would be for arrays that may not be written or have gaps.
+            # Copies: read-only or strided arrays would trigger another compilation.
             few: Array = _combine_few(
                 np.array(phases), *self._affine, np.array(weights), self.normalized, self.slopes
             )
@@ -138,7 +138,7 @@ def even_basis(
 ) -> GaussianBasis:
     """Returns basis functions with centres evenly in time from the start to the end.
 
-    The same arguments give the same object, so that responses cached for one motion serve all.
+    The same arguments give the same object, so that cached responses are shared by all motions.
     """
     times = np.linspace(0.0, 1.0, num_basis) if num_basis > 1 else np.array([0.5])
     spacing = 1.0 / max(1, num_basis - 1)
@@ -190,7 +190,7 @@ class GaussianForcing:
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Self:
-        """Makes the model of what `to_data` returned.
+        """Makes the model from what `to_data` returned.
 
         Raises:
             ValueError: Numbers are missing or not finite.
@@ -218,6 +218,6 @@ class GaussianForcing:
 
 
 def check_phase_rate(alpha_x: float) -> None:
-    """Raises ValueError for what is no decay rate of a phase."""
+    """Raises ValueError unless `alpha_x` is positive and finite."""
     if not 0.0 < alpha_x <= LARGEST_NUMBER:
         raise ValueError(f"alpha_x is {alpha_x:g}; it must be positive and finite")

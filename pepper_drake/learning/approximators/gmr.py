@@ -28,10 +28,10 @@ from pepper_drake.learning.probabilistic.shared_mixture import fit_shared_mixtur
 
 @dataclass(frozen=True, eq=False)
 class GmrForcing(LocalLines):
-    """A mixture of time and forcing term (s, f), said as its regression, equation 2.3.
+    """Gaussian mixture regression of f on time s (equation 2.3), stored as local lines.
 
     Heights are the components' means of f, slopes are Sigma_fs / Sigma_s, gains are
-    log(pi / sqrt(Sigma_s)). Nothing of the mixture is lost, so its posterior covariance is at hand.
+    log(pi / sqrt(Sigma_s)). With the residuals it still gives the posterior covariance.
 
     Attributes:
         residuals: Covariance of f about each line, shape (K, D, D).
@@ -45,15 +45,15 @@ class GmrForcing(LocalLines):
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Self:
-        """Makes the model of what `to_data` returned."""
+        """Makes the model from what `to_data` returned."""
         weights, residuals = (np.array(data[key], float) for key in ("weights", "residuals"))
         return cls(read_basis(data), weights, residuals)
 
     def covariances(self, phases: npt.ArrayLike) -> Array:
         """Returns the posterior covariance of the forcing term, (N, D, D), at phases (N,).
 
-        It is that of the conditional mixture: how far f is from the lines, and the lines from
-        each other.
+        It is the conditional mixture's: the spread of f about the lines plus that between the
+        lines.
         """
         activations, offsets = self.basis.activations(phases)
         heights, slopes = np.split(self.weights, 2)
@@ -66,7 +66,7 @@ class GmrForcing(LocalLines):
 
 
 def from_mixture(mixture: GaussianMixture, alpha_x: float) -> GmrForcing:
-    """Says a mixture of (s, f), 1 + D coordinates, as a forcing term."""
+    """Converts a mixture over (s, f), 1 + D coordinates, to a forcing term."""
     gains, _, residuals = mixture.experts(num_inputs=1)
     variances = mixture.covariances[:, 0, 0]
     held = mixture.priors > 0  # EM may leave a component without any data.
@@ -81,15 +81,15 @@ def from_mixture(mixture: GaussianMixture, alpha_x: float) -> GmrForcing:
 
 
 def fit_gmr(data: ForcingData, num_basis: int, seed: int) -> GmrForcing:
-    """Fits a mixture of time and forcing term, started evenly along the motion.
+    """Fits a mixture over time and forcing term, initialised evenly along the motion.
 
-    Of several demonstrations, the mixture is a `shared_mixture`: its covariance is what they
-    disagree on, moment by moment.
+    Several demonstrations are fitted with a `shared_mixture`: its covariance is their variability
+    at each moment.
 
     Args:
         data: Samples of the forcing term.
         num_basis: Number of components.
-        seed: Not used: the even start is not random, and measures better than k-means++.
+        seed: Unused: the even initialisation is not random, and does better than k-means++.
 
     Raises:
         InputError: There are fewer samples than components.

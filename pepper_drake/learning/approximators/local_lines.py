@@ -1,4 +1,4 @@
-"""A forcing term of straight lines, each valid near its centre: what `gmr` and `lwpr` learn."""
+"""A forcing term of local lines, the model of `gmr` and `lwpr`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -15,9 +15,9 @@ from pepper_drake.learning.approximators.registry import Array, fade_out
 class LineBasis:
     """Weights of the local lines: h_k(s), proportional to exp(gain_k - (s - c_k)^2 / (2 v_k)).
 
-    The h_k add up to one, and s = -log(x) / alpha_x is the motion's time divided by its duration.
-    It is the input rather than the phase x, where the second half of a motion is squeezed into
-    the last hundredth of the axis.
+    The h_k add up to one, and s = -log(x) / alpha_x is the time divided by the duration. The input
+    is s rather than the phase x, in which the second half of a motion is squeezed into the last
+    hundredth of the axis.
 
     Attributes:
         alpha_x: Decay rate of the phase.
@@ -32,7 +32,7 @@ class LineBasis:
     variances: Array
 
     def activations(self, phases: npt.ArrayLike) -> tuple[Array, Array]:
-        """Returns h (N, K) and s - c (N, K); past its end a motion stays at s = 1."""
+        """Returns h (N, K) and s - c (N, K); past the motion's end s stays 1."""
         times = np.minimum(1.0, -np.log(np.asarray(phases)) / self.alpha_x)
         offsets = times[:, None] - self.centres
         logs = self.log_gains - offsets**2 / (2 * self.variances)
@@ -92,15 +92,15 @@ class LocalLines:
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Self:
-        """Makes the model of what `to_data` returned."""
+        """Makes the model from what `to_data` returned."""
         return cls(read_basis(data), np.array(data["weights"], dtype=float))
 
 
 def read_basis(data: Mapping[str, Any]) -> LineBasis:
-    """Makes the basis of what `LocalLines.to_data` returned.
+    """Makes the basis from what `LocalLines.to_data` returned.
 
     Raises:
-        ValueError: The phase's rate is none.
+        ValueError: `alpha_x` is not positive and finite.
     """
     arrays = (np.array(data[key], dtype=float) for key in ("log_gains", "centres", "variances"))
     alpha_x = float(data["alpha_x"])

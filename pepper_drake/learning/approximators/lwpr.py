@@ -1,8 +1,8 @@
 """Locally weighted projection regression, learned one sample at a time; the approximator `lwpr`.
 
 Vijayakumar, D'Souza, Schaal, "Incremental Online Learning in High Dimensions", Neural Computation
-17 (2005). The input is one number here, the motion's time, so that the projections (partial
-least squares) of a field are one: the direction of the input itself.
+17 (2005). The input is one number here, the motion's time, so each field needs a single projection
+(partial least squares), the input itself.
 """
 
 from dataclasses import dataclass
@@ -16,19 +16,19 @@ from pepper_drake.learning.approximators.registry import Approximator, Array, Fo
 
 @dataclass(frozen=True)
 class LwprParameters:
-    """Parameters of receptive fields; the names in brackets are the paper's.
+    """Parameters of the receptive fields; the paper's symbols in brackets.
 
     Attributes:
-        generation_threshold: A sample that activates no field this much gets its own [w_gen].
-        pruning_threshold: Of two fields that a sample activates this much, one goes [w_prune].
+        generation_threshold: A sample that activates no field above this gets its own [w_gen].
+        pruning_threshold: Of two fields that a sample activates above this, one goes [w_prune].
         initial_forgetting: Factor on all sums per sample, at first [lambda].
-        final_forgetting: What it tends to, as early, poor statistics are forgotten.
-        forgetting_rate: Part of the way to `final_forgetting` that is left after a sample.
+        final_forgetting: Its limit, once early, poor statistics are forgotten.
+        forgetting_rate: Share of the distance to `final_forgetting` that is left after a sample.
         learning_rate: Of the distance metric [alpha].
         penalty: Weight of the cost on narrow fields [gamma], for errors in units of the
             outputs' standard deviation and metrics in units of the initial one.
-        widest: A field gets no wider than so many times the initial width. Where a field spans
-            several bends the cost falls towards wider ones, still worse for its neighbours.
+        widest: Largest width of a field, in initial widths. Where a field spans several bends the
+            cost falls towards wider fields, which fit their neighbourhood worse still.
     """
 
     generation_threshold: float = 0.3
@@ -45,7 +45,7 @@ _TINY = np.finfo(float).tiny
 
 
 class Lwpr:
-    """A function of one number as lines in receptive fields, learned sample by sample.
+    """A function of one variable: lines in receptive fields, learned one sample at a time.
 
     Field k with centre c_k and metric D_k = m_k^2 has the activation
     w_k = exp(-D_k (x - c_k)^2 / 2), keeps the weighted sums of a linear regression with forgetting
@@ -53,7 +53,7 @@ class Lwpr:
 
         J_k = 1 / W sum_i w_i |e_i|^2 / (1 - w_i s_i^2 / SS)^2 + gamma D_k^2 .
 
-    Two things differ from the paper: all outputs share their fields, as in its authors' code, and
+    Two things differ from the paper: all outputs share the fields, as in its authors' code, and
     the step is taken in log m on log J, so that one learning rate suits every scale of the data.
 
     Attributes:
@@ -72,10 +72,10 @@ class Lwpr:
         self._initial_root = 1 / initial_width
 
     def update(self, inputs: Array, outputs: Array) -> None:
-        """Learns that the outputs at inputs (B,) are those given, shape (B, num_outputs).
+        """Updates the model with samples: inputs (B,), outputs (B, num_outputs).
 
-        One sample at a time is the paper's way. Several at once are the same, and faster, where
-        they are so far apart that no field answers two; else a field learns from the nearest.
+        The paper takes one sample at a time. Several at once give the same, faster, if they are so
+        far apart that no field responds to two; otherwise a field learns from the nearest.
         """
         activation = _activation(self.fields, inputs)
         if len(self.fields):
@@ -106,7 +106,7 @@ class Lwpr:
         """Returns K fields after a sample each: x (K,), y (K, num_outputs), activations w (K,)."""
         new = old.copy()
         forget = old["forgetting"]
-        # Weighted means, and the regression of what is left on the projected input s.
+        # Weighted means, and the regression of the residual on the projected input s.
         new["weight"] = forget * old["weight"] + w
         share = w / new["weight"]
         new["mean_x"] += share * (x - old["mean_x"])
@@ -117,10 +117,10 @@ class Lwpr:
         new["sr"] = forget[:, None] * old["sr"] + (w * s)[:, None] * residual
         error = residual - s[:, None] * _slope(new)
         new["count"] = forget * old["count"] + 1
-        # The prediction before the update is the one that left this sample out.
+        # The prediction before the update is the leave-one-out prediction.
         squared_before = np.sum(error_before**2, axis=1)
         new["cost"] = forget * old["cost"] + w * squared_before
-        # Holds the metric back while a field's line is still raw.
+        # Slows the metric's adaptation while a field's line has not converged.
         ratio = np.sum(error**2, axis=1) / np.maximum(squared_before, _TINY)
         transient = np.minimum(1.0, ratio) ** 4
         step = transient * self._metric_step(new, w, x, s, error, squared_before)
@@ -162,7 +162,7 @@ class Lwpr:
         )
 
     def _add(self, activation: Array, inputs: Array, outputs: Array) -> None:
-        """Adds a field for each sample that none answered, as wide as the next one."""
+        """Adds a field for each sample that activates none, as wide as the nearest one."""
         threshold = self.parameters.generation_threshold
         for sample in np.flatnonzero(activation.max(axis=1, initial=0.0) < threshold):
             field = np.zeros(1, dtype=self.fields.dtype)
@@ -178,7 +178,7 @@ class Lwpr:
             self.num_added += 1
 
     def _prune(self, activation: Array) -> None:
-        """Removes the narrower of two fields that answered a sample alike."""
+        """Removes the narrower of two fields that a sample activates above the threshold."""
         if len(self.fields) < 2:
             return
         second = np.partition(activation, -2, axis=1)[:, -2]
@@ -223,14 +223,14 @@ def _slope(fields: np.ndarray) -> Array:
 
 
 def fit_lwpr(data: ForcingData, num_basis: int, seed: int, num_epochs: int = 30) -> LocalLines:
-    """Learns the forcing term by showing all samples `num_epochs` times, each in a random order.
+    """Learns the forcing term in `num_epochs` passes over the samples, each in random order.
 
     Args:
         data: Samples of the forcing term.
-        num_basis: Sets the first width of a field, so that about so many cover the motion; the
-            algorithm then finds number and widths by itself (mostly more and narrower).
+        num_basis: Sets the initial field width so that about this many cover the motion; the
+            algorithm then adapts number and widths (mostly more and narrower).
         seed: Of the order of the samples.
-        num_epochs: How often each sample is shown.
+        num_epochs: Number of passes.
 
     Raises:
         InputError: `num_basis` is less than one.
@@ -241,12 +241,12 @@ def fit_lwpr(data: ForcingData, num_basis: int, seed: int, num_epochs: int = 30)
     scale = np.where(scale > 0, scale, 1.0)
     outputs = (data.targets - centre) / scale
     parameters = LwprParameters()
-    # A field claims +- `reach`; placed at random, such claims fill 0.7476 of a line (Renyi 1958).
+    # A field covers +- `reach`; fields placed at random cover 0.7476 of a line (Renyi 1958).
     reach = 0.7476 / num_basis
     width = reach / np.sqrt(-2 * np.log(parameters.generation_threshold))
     learner = Lwpr(data.targets.shape[1], width, parameters)
     rng = np.random.default_rng(seed)
-    # Samples eight widths apart are shown together: no field answers two of them.
+    # Samples eight widths apart are learned together: no field responds to two of them.
     order = np.argsort(data.times, kind="stable")
     stride = min(len(order), int(np.ceil(8 * width * len(order))))
     for _ in range(num_epochs):

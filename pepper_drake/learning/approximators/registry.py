@@ -11,15 +11,15 @@ An approximator turns samples of the forcing term along one or several demonstra
 and import the module in `pepper_drake/learning/__init__.py`, which makes the name known to
 `MovementPrimitive.fit(..., approximator="name")`, to the primitive files and to the apps.
 
-The contract of a model `f`, in words:
+The contract of a model `f`:
 
 - `f(phases)` takes (N,) phases x in (0, 1] (1 at the start, falling) and gives (N, D): the forcing
-  term *before* the formulation's scaling, *with* all gating. Past the motion's end it must go to
-  zero with the phase, like x³, or goals would be reached late or never;
-  multiply by `fade_out(phases, alpha_x)` where the method does not see to that by itself.
+  term *before* the formulation's scaling, *with* all gating. Past the motion's end it must vanish
+  with the phase, like x³, or goals would be reached late or never; multiply by
+  `fade_out(phases, alpha_x)` where the method does not ensure that itself.
 - It is vectorised, changes nothing, and uses only arithmetic and numpy's `exp`, `log`, `sqrt` on
   the phases, so that arrays of `pydrake` AutoDiffXd pass through.
-- `to_data` returns only dict, list, str, int, float, bool: what YAML can say.
+- `to_data` returns only dict, list, str, int, float, bool: what YAML can hold.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ class ForcingData:
 
     Attributes:
         phases: (N,) phase of each sample, in (0, 1].
-        times: (N,) the same as time divided by the motion's duration, in [0, 1].
+        times: (N,) time divided by the motion's duration, in [0, 1].
         targets: (N, D) the forcing term at the samples (equation 2.8 of the report).
-        responses: (N, D) what the forcing term has to add to the unforced spring: position
-            minus the spring's own way from the start to the goal. In time divided by duration.
+        responses: (N, D) displacement that the forcing term must cause: position minus the unforced
+            spring's trajectory from start to goal. In time divided by duration.
         scales: (N, D) size of the scaling that was taken out of `targets` and `responses`: a
             residual times its scale is one in metres (or radians). All one for most formulations.
         lengths: Samples of each demonstration; they add up to N.
@@ -94,7 +94,7 @@ class ForcingModel(Protocol):
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Self:
-        """Makes the model of what `to_data` returned."""
+        """Makes the model from what `to_data` returned."""
         ...
 
 
@@ -121,12 +121,12 @@ class LinearForcingModel(ForcingModel, Protocol):
 
 @dataclass(frozen=True)
 class Approximator:
-    """One way to learn a forcing term.
+    """A method of learning a forcing term.
 
     Attributes:
-        name: The word that chooses it.
+        name: Selects it.
         fit: `fit(data, num_basis, seed)`; `seed` is for methods with random starts.
-        load: Makes the model of plain data, as `from_data` does.
+        load: Makes the model from plain data, as `from_data` does.
     """
 
     name: str
@@ -138,7 +138,7 @@ _registry: dict[str, Approximator] = {}
 
 
 def register(approximator: Approximator) -> None:
-    """Makes an approximator known by its name."""
+    """Registers an approximator under its name."""
     _registry[approximator.name] = approximator
 
 
@@ -151,6 +151,6 @@ def get_approximator(name: str) -> Approximator:
     """Returns the approximator of that name.
 
     Raises:
-        InputError: There is none; the message lists those that there are.
+        InputError: There is none; the message lists the known names.
     """
     return registered("approximator", name, _registry)

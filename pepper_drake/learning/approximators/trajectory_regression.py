@@ -1,12 +1,12 @@
 """Least squares on the trajectory itself: the approximators `trajectory`, `trajectory_slopes`.
 
-The motion is linear in the forcing term's weights: position = the unforced spring's way + the
-response to each basis function times its weight. Fitting the weights to the positions, and not to
-the forcing term, makes the *motion* the closest one. It needs no accelerations, and errors of the
-forcing term that cancel out in the motion cost nothing.
+The motion is linear in the forcing term's weights: position = the unforced spring's trajectory +
+the response to each basis function times its weight. Fitting the weights to the positions rather
+than the forcing term makes the *motion* the closest one. It needs no accelerations, and errors of
+the forcing term that cancel out in the motion cost nothing.
 
-The responses depend on the samples' relative times only, so that the solver is found once for
-each number of samples and basis functions and then used for every motion.
+The responses depend on the samples' relative times only, so the solver is cached for each number of
+samples and basis functions.
 """
 
 from functools import lru_cache
@@ -24,13 +24,13 @@ SLOPES_OVERLAP = 0.7
 
 
 def fit_trajectory(data: ForcingData, num_basis: int, seed: int) -> GaussianForcing:
-    """Least squares on the positions, one weight a basis function."""
+    """Least squares on the positions, one weight per basis function."""
     del seed
     return _fit(data, num_basis, OVERLAP, slopes=False)
 
 
 def fit_trajectory_slopes(data: ForcingData, num_basis: int, seed: int) -> GaussianForcing:
-    """Least squares on the positions, a constant and a slope a basis function."""
+    """Least squares on the positions, a constant and a slope per basis function."""
     del seed
     return _fit(data, num_basis, SLOPES_OVERLAP, slopes=True)
 
@@ -70,7 +70,7 @@ def _cached_solver(
 def _responses(
     times: Array, num_basis: int, overlap: float, slopes: bool, alpha_x: float, alpha_z: float
 ) -> Array:
-    """Returns (N, K): the position's response at the times to each feature, for tau = 1."""
+    """Returns (N, K): the response of the position to each feature at the times, for tau = 1."""
     basis = even_basis(num_basis, overlap, alpha_x, slopes=slopes)
     nodes = node_times(times)
     features = basis.features(phase_at(nodes.ravel(), alpha_x))

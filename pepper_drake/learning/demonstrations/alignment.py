@@ -1,4 +1,4 @@
-"""Several demonstrations on one clock."""
+"""Temporal alignment of several demonstrations."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,10 +24,10 @@ def align(
 ) -> list[Demonstration]:
     """Resamples demonstrations at the same uniform times, so that their arrays can be stacked.
 
-    Each motion is stretched in time to the same duration. With `warp`, time also runs faster and
-    slower within each motion, such that the paths, taken from their starts, come closest to their
-    mean: it removes that one hand hesitated where the other did not, which would else count as
-    spread. The warp is smooth and increasing by construction,
+    Each motion is scaled in time to the same duration. With `warp`, time is also warped within each
+    motion so that the paths, relative to their starts, come closest to their mean: hesitations of
+    one hand would otherwise count as variability. The warp is smooth and increasing by
+    construction,
 
         t(s) proportional to the integral of exp(u(s)),  u a cubic spline of 8 coefficients,
 
@@ -60,10 +60,10 @@ def align(
 def _resampled(
     demo: Demonstration, clock: Array, duration: float, with_rotations: bool
 ) -> Demonstration:
-    """Returns a motion at its normalised times `clock`, laid evenly over `duration`."""
+    """Returns a motion at its normalised times `clock`, evenly spaced over `duration`."""
     times = np.linspace(0, duration, len(clock))
     own = demo.times[0] + demo.duration * clock
-    # The chain rule for y(t(s)), with t(s) a quintic spline, keeps what was recorded.
+    # The chain rule for y(t(s)), t(s) a quintic spline, keeps the recorded derivatives.
     rate_spline = make_interp_spline(times, own, k=5)
     rate, acceleration = rate_spline.derivative(1)(times), rate_spline.derivative(2)(times)
     positions, velocities, accelerations = (

@@ -1,7 +1,7 @@
-"""Forward kinematics and limits of Pepper's arms for checking what was recorded.
+"""Forward kinematics and limits of Pepper's arms for checking recordings.
 
-The numbers are read from Pepper's URDF, and nothing but numpy is needed: a recording is checked
-without a simulator. The tests hold it against Drake's kinematics of the same file.
+The numbers are read from Pepper's URDF with numpy alone, so that no simulator is needed. The tests
+compare it with Drake's kinematics of the same file.
 """
 
 import xml.etree.ElementTree as ElementTree
@@ -22,7 +22,7 @@ _JOINTS = ("ShoulderPitch", "ShoulderRoll", "ElbowYaw", "ElbowRoll", "WristYaw")
 
 
 MOST_CLIPPED = 0.5
-"""Joints beyond their limits by more than this [rad] are not brought to them."""
+"""Joints beyond their limits by more than this [rad] are not clipped."""
 
 
 class ArmChain:
@@ -35,7 +35,7 @@ class ArmChain:
         upper: (5,) position limits [rad].
         speed: (5,) velocity limits [rad/s].
         shoulder: (3,) p_TS, the shoulder in the torso frame [m].
-        length: Farthest distance of the hand's frame from the shoulder, the arm stretched [m].
+        length: Distance of the hand's frame from the shoulder, the arm stretched [m].
     """
 
     def __init__(self, arm: str) -> None:
@@ -65,7 +65,7 @@ class ArmChain:
         return position, rotation
 
     def _chain(self, q: Array) -> tuple[Array, Array, list[Array], list[Array]]:
-        """Returns the hand's pose, and each joint's place (N, 3) and axis (N, 3), in T."""
+        """Returns the hand's pose, and each joint's position (N, 3) and axis (N, 3), in T."""
         position = np.zeros((len(q), 3))
         rotation = np.tile([1.0, 0.0, 0.0, 0.0], (len(q), 1))
         places, axes = [], []
@@ -81,18 +81,18 @@ class ArmChain:
         return position, rotation, places, axes
 
     def pose_distances(self, positions: Array, rotations: Array, lever: float = 0.1) -> Array:
-        """Returns how far the nearest pose that the arm can take is from each of N poses (N,) [m].
+        """Returns the distance (N,) [m] of each of N poses from the nearest pose the arm can reach.
 
         Damped least squares from a grid of starts: the arm has five joints for six coordinates, so
-        poses that it cannot take are the rule, and one that it can is evidence.
+        most poses are out of reach, and one that is not is evidence.
 
         Args:
             positions: (N, 3) [m] in T.
             rotations: (N, 4) unit quaternions.
-            lever: What an error of one radian counts [m].
+            lever: Weight of an orientation error of one radian [m].
         """
         middle, half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
-        # The shoulder and the elbow's turn decide which way the arm is bent.
+        # Shoulder and elbow yaw decide the branch of the solution.
         starts = np.stack(np.meshgrid(*([-0.5, 0.5],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
         starts = np.concatenate((starts, np.zeros((len(starts), 2))), axis=1)
         count, tries = len(positions), len(starts)
@@ -120,7 +120,7 @@ class ArmChain:
     def _pose_error(
         self, q: Array, position: Array, rotation: Array, lever: float
     ) -> tuple[Array, Array]:
-        """Returns errors (N, 6) [m] and their derivatives by the joints (N, 6, 5), near a pose."""
+        """Returns errors (N, 6) [m] from a pose, and their Jacobian (N, 6, 5)."""
         p, r, places, axes = self._chain(q)
         turn = so3.log_map(so3.multiply(r, so3.conjugate(rotation)))
         jacobian = np.stack(
@@ -134,7 +134,7 @@ class ArmChain:
 
 
 def rotate(rotations: Array, vectors: Array) -> Array:
-    """Returns vectors (3,) or (N, 3) turned by quaternions (N, 4), (N, 3)."""
+    """Returns vectors (3,) or (N, 3) rotated by quaternions (N, 4), (N, 3)."""
     w, axis = rotations[..., :1], rotations[..., 1:]
     v = np.broadcast_to(vectors, axis.shape)
     twice = 2.0 * _cross(axis, v)
@@ -142,7 +142,7 @@ def rotate(rotations: Array, vectors: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Returns cross products (N, 3), as `numpy.cross` but in half the time where N is small."""
+    """Returns cross products (N, 3), as `numpy.cross`, in half the time for small N."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
 
@@ -166,12 +166,12 @@ def joint_limits() -> dict[str, tuple[float, float]]:
 
 
 def clip_to_limits(joints: Array, names: Sequence[str | None], notes: list[str]) -> Array:
-    """Returns joints (N, J) [rad] with what is a little beyond a limit at it, as ALMotion does.
+    """Returns joints (N, J) [rad], clipped if up to `MOST_CLIPPED` beyond a limit, as in ALMotion.
 
     Args:
-        joints: What was recorded [rad].
+        joints: Recorded positions [rad].
         names: J names of Pepper's joints; others have no limits.
-        notes: Takes a line for what was changed.
+        notes: A line on what was clipped is appended to it.
     """
     none = (-np.inf, np.inf)
     lower, upper = np.array([joint_limits().get(str(name), none) for name in names]).T
@@ -185,7 +185,7 @@ def clip_to_limits(joints: Array, names: Sequence[str | None], notes: list[str])
 
 
 def arm_of(joint_names: Sequence[str]) -> str | None:
-    """Returns whose five joints these are, shoulder to wrist: "left", "right" or None."""
+    """Returns the arm whose five joints these are, shoulder to wrist: "left", "right" or None."""
     for arm in ARMS:
         if tuple(joint_names) == arm_chain(arm).joint_names:
             return arm

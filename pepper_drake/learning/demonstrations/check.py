@@ -1,7 +1,7 @@
-"""One look at a demonstration before anything is learned from it.
+"""Checks of a demonstration before anything is learned from it.
 
-`examine` measures, and tells what is doubtful with the sample (or the line of the file) that it is
-about; what cannot be right is refused by `refusals`.
+`examine` measures it and warns of what is doubtful, naming the sample (or the line of the file);
+`refusals` refuses what cannot be right.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class DemonstrationReport:
     """Measurements of a demonstration.
 
     Attributes:
-        name: The demonstration's.
-        samples: How many.
+        name: Of the demonstration.
+        samples: Their number.
         duration: [s].
         rate: Samples a second, by the median step [Hz].
         jitter: Standard deviation of the step, by its median.
@@ -39,13 +39,13 @@ class DemonstrationReport:
         path_length: [m].
         mean_speed: [m/s].
         top_speed: [m/s].
-        noise: Standard deviation of the positions [m]; 0 where none was told from motion.
+        noise: Standard deviation of the positions [m]; 0 where it cannot be told from motion.
         reach: Farthest distance of the hand from the nearer shoulder [m], in the torso frame.
         arm_reach: What Pepper's arm reaches [m].
-        within_reach: Share of samples within it.
+        within_reach: Share of samples within `arm_reach`.
         joints: Names.
-        read_as: What was read as what.
-        warnings: What is doubtful, with the sample.
+        read_as: How the file was interpreted.
+        warnings: Doubtful points, with the sample.
     """
 
     name: str
@@ -174,10 +174,10 @@ def _warn_motion(
 
 
 def refuse_out_of_reach(demonstration: Demonstration, name: str) -> None:
-    """Refuses a motion for an arm to perform of which no sample is within its reach.
+    """Refuses a motion none of whose samples is within the arm's reach.
 
     Raises:
-        InputError: With the mend.
+        InputError: No sample is within reach; the message says what to do.
     """
     report = examine(demonstration)
     if report.within_reach == 0.0:

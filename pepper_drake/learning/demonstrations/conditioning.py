@@ -1,8 +1,7 @@
 """Conditioning of samples before learning: noise filtered, gaps filled.
 
-Recordings of this program pass a low-pass filter when they are made. What comes from elsewhere gets
-the same filter when its noise would show in the accelerations, with a cut-off that follows the
-noise.
+Recordings of this program are low-pass filtered when they are made. Others get the same filter when
+their noise would show in the accelerations, with a cut-off chosen by the noise.
 """
 
 from dataclasses import dataclass, replace
@@ -22,20 +21,20 @@ HIGHEST_CUTOFF, LOWEST_CUTOFF = 10.0, 2.0
 """Cut-off frequencies [Hz] between which the filter is chosen."""
 
 QUIET = 0.3
-"""Acceleration [m/s²] that the noise may cause after filtering, by its standard deviation."""
+"""Standard deviation of the acceleration [m/s²] that noise may cause after filtering."""
 
 LOUD = 0.1
-"""Acceleration [m/s²] that the noise may cause in what is left unfiltered."""
+"""Standard deviation of the acceleration [m/s²] up to which samples are left unfiltered."""
 
 LEVER = 0.1
-"""Lever [m/rad] by which a turn is compared with a length."""
+"""Lever arm [m/rad] that converts rotations to lengths."""
 
 BOUND, BOUND_SHARE = 0.02, 0.25
-"""Between two samples a motion stays this near [m], or within this share of their distance, to the
-straight line between them: what is not shown is not made up."""
+"""Between two samples the path may leave the straight line between them by this distance [m], or
+this share of the samples' distance: no motion is invented."""
 
 CAREFUL = "shape-preserving cubic (PCHIP)"
-"""Name of the way through few or uneven samples."""
+"""Name of the interpolation of few or uneven samples."""
 
 _FOURTH = 70.0
 """Variance of the fourth difference of white noise of variance one."""
@@ -47,7 +46,7 @@ class Noise:
 
     Attributes:
         deviation: Standard deviation in each coordinate [m].
-        acceleration: What it does to second derivatives that are taken of the samples [m/s²].
+        acceleration: Standard deviation of the samples' second derivatives that it causes [m/s²].
     """
 
     deviation: float
@@ -57,7 +56,7 @@ class Noise:
 def measure_noise(times: Array, values: Array) -> Noise:
     """Returns the white noise of samples (N, D); none where it cannot be told from motion.
 
-    Fourth differences of a smooth motion are small and of a kind; those of noise change sign from
+    Fourth differences of a smooth motion are small and vary slowly; those of noise change sign from
     sample to sample (their correlation is -0.8). The median makes single outliers harmless.
     """
     if len(times) < 12:
@@ -83,7 +82,7 @@ def choose_cutoff(noise: Noise, step: float) -> float:
     """Returns the highest cut-off [Hz] with which noise causes `QUIET` at most.
 
     Args:
-        noise: Of the samples.
+        noise: The samples'.
         step: Between samples [s].
     """
     cutoffs = np.geomspace(HIGHEST_CUTOFF, LOWEST_CUTOFF, 24)
@@ -129,25 +128,25 @@ def _filtered(noise: Noise, step: float, cutoff: float, order: int) -> float:
 
 
 def interpolant(times: Array, values: Array) -> tuple[Array, Array, str]:
-    """Returns first and second derivatives (N, D) of a smooth way through samples, and its name.
+    """Returns first and second derivatives (N, D) of a smooth curve through samples, and its name.
 
-    It is the quintic spline, or, where that strays between two samples by more than `BOUND` and
-    `BOUND_SHARE`, as it does between few or uneven samples, the piecewise cubic that does not
+    It is the quintic spline; where that strays between two samples by more than `BOUND` and
+    `BOUND_SHARE`, as between few or uneven samples, it is the piecewise cubic that does not
     overshoot (`careful`).
     """
     spline = make_interp_spline(times, values, k=5 if len(times) > 5 else 3)
     if not strays(times, values, spline):
         return spline.derivative(1)(times), spline.derivative(2)(times), "quintic spline"
-    way = careful(times, values)
-    slopes = np.asarray(way.derivative(1)(times))
-    return slopes, np.asarray(way.derivative(2)(times)), CAREFUL
+    curve = careful(times, values)
+    slopes = np.asarray(curve.derivative(1)(times))
+    return slopes, np.asarray(curve.derivative(2)(times)), CAREFUL
 
 
 def careful(times: Array, values: Array) -> CubicHermiteSpline:
-    """Returns the piecewise cubic through values (N, D) that does not overshoot, at rest at ends.
+    """Returns the piecewise cubic through values (N, D) without overshoot, at rest at both ends.
 
     Fritsch and Carlson 1980, DOI 10.1137/0717021, with slopes of at most twice those of the lines
-    on both sides: so no coordinate leaves its line by more than `BOUND_SHARE`, a quarter.
+    on both sides, so that no coordinate leaves its line by more than `BOUND_SHARE`, a quarter.
     """
     slopes = np.asarray(PchipInterpolator(times, values).derivative(1)(times))
     lines = np.abs(np.diff(values, axis=0) / np.diff(times)[:, None])
@@ -157,18 +156,18 @@ def careful(times: Array, values: Array) -> CubicHermiteSpline:
     return CubicHermiteSpline(times, values, slopes)
 
 
-def strays(times: Array, values: Array, way: object) -> bool:
-    """Tells whether a way leaves the lines between neighbouring samples by more than the bound."""
+def strays(times: Array, values: Array, curve: object) -> bool:
+    """Tells whether a curve leaves the lines between the samples by more than the bound."""
     share = np.linspace(0.05, 0.95, 19)
     between = times[:-1, None] + share * np.diff(times)[:, None]
     lines = values[:-1, None] + share[:, None] * np.diff(values, axis=0)[:, None]
-    gaps = np.linalg.norm(way(between) - lines, axis=2).max(axis=1)  # type: ignore[operator]
+    gaps = np.linalg.norm(curve(between) - lines, axis=2).max(axis=1)  # type: ignore[operator]
     chords = np.linalg.norm(np.diff(values, axis=0), axis=1)
     return bool(np.any(gaps > np.maximum(BOUND, BOUND_SHARE * chords)))
 
 
 def fill_times(times: Array, longest: float) -> Array:
-    """Returns times with more between those that are further apart than `longest` [s]."""
+    """Returns times with others inserted between those further apart than `longest` [s]."""
     steps = np.diff(times)
     if not np.any(steps > longest):
         return times
@@ -182,7 +181,7 @@ def fill_times(times: Array, longest: float) -> Array:
 
 
 def evenly_chosen(count: int, most: int) -> npt.NDArray[np.int64]:
-    """Returns the indices of at most so many of `count` samples, the first and the last among them.
+    """Returns evenly spaced indices of at most `most` of `count` samples, ends included.
 
     Args:
         count: Number of samples.

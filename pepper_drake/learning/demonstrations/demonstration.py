@@ -1,4 +1,4 @@
-"""A recorded motion of the hand, and what is done to it before learning."""
+"""A recorded motion of the hand, and its preparation for learning."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ TORSO_HEIGHT = 0.82
 RECORDED = "as recorded"
 
 LARGEST = 1e12
-"""Numbers beyond this are not of a motion; their squares still are numbers."""
+"""Larger numbers are no motion; squares up to this do not overflow."""
 
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
     """A motion of the hand: N samples, positions in one frame (normally T, the torso).
 
-    Make one with `load` or `from_positions`; the constructor takes everything as it is.
+    Make one with `load` or `from_positions`; the constructor checks nothing.
 
     Attributes:
         times: (N,) [s], increasing, not necessarily uniform.
@@ -50,9 +50,9 @@ class Demonstration:
             and their accelerations [rad, s], where the orientation was recorded that way.
         joints: (N, J) joint positions [rad], or None.
         joint_names: J names.
-        name: Where it came from; for messages and figures.
-        derivation: How velocities and accelerations came about.
-        notes: What was read as what, and what was done to it; for messages.
+        name: Its origin, for messages and figures.
+        derivation: How velocities and accelerations were obtained.
+        notes: How the file was interpreted and what was changed, for messages.
     """
 
     __repr__ = short_repr
@@ -73,7 +73,7 @@ class Demonstration:
 
     @classmethod
     def load(cls, path: str | Path, **said: Any) -> Demonstration:
-        """Reads a demonstration, or what another tool recorded; see `demonstration_files`.
+        """Reads a demonstration, or another tool's recording; see `demonstration_files`.
 
         Args:
             path: A folder or a file.
@@ -81,7 +81,7 @@ class Demonstration:
                 angle="deg", time="ms", quaternion="xyzw", frame="base_footprint", arm="left".
 
         Raises:
-            InputError: It cannot be right, or cannot be read; with file, line and how to mend it.
+            InputError: It is wrong or cannot be read; with file, line and what to do.
         """
         from pepper_drake.learning.demonstrations.demonstration_files import read_demonstration
         from pepper_drake.learning.demonstrations.importers.options import ImportOptions
@@ -92,7 +92,7 @@ class Demonstration:
         """Writes a folder, or a text file when `path` ends in .txt; see `demonstration_files`.
 
         Raises:
-            InputError: The path cannot be written to, or the form cannot hold the demonstration.
+            InputError: The path cannot be written to, or the format cannot hold the demonstration.
         """
         from pepper_drake.learning.demonstrations.demonstration_files import write_demonstration
 
@@ -110,12 +110,12 @@ class Demonstration:
         joint_names: tuple[str, ...] = (),
         name: str = "demonstration",
     ) -> Self:
-        """Makes a demonstration of arrays and derives what is missing.
+        """Makes a demonstration from arrays and derives missing velocities and accelerations.
 
         Missing velocities and accelerations are the derivatives of the quintic spline through the
         positions, or of the piecewise cubic where samples are so few that the spline strays (see
-        `conditioning.interpolant`); with velocities given, accelerations are the derivative of such
-        a curve through those.
+        `conditioning.interpolant`); missing accelerations alone are derived from the velocities
+        likewise.
 
         Raises:
             InputError: Shapes disagree, times do not increase, a value is not finite, or a
@@ -131,13 +131,13 @@ class Demonstration:
         if velocities is None and accelerations is not None:
             raise InputError(f"{name}: accelerations without velocities; give both, or none")
         if velocities is None:
-            v, a, way = interpolant(t, p)
-            derivation = f"derivatives of the {way} through the positions"
+            v, a, curve = interpolant(t, p)
+            derivation = f"derivatives of the {curve} through the positions"
         else:
             v = _numbers(velocities, p.shape, name, "velocities")
             if accelerations is None:
-                a, _, way = interpolant(t, v)
-                derivation = f"accelerations: derivative of the {way} through the velocities"
+                a, _, curve = interpolant(t, v)
+                derivation = f"accelerations: derivative of the {curve} through the velocities"
             else:
                 a = _numbers(accelerations, p.shape, name, "accelerations")
         q = None
@@ -150,7 +150,7 @@ class Demonstration:
                     f"{name}: rotations: sample {k + 1} has norm {norms[k]:.4g}; give unit"
                     " quaternions w, x, y, z"
                 )
-            # What is a unit quaternion but for rounding stays as it is.
+            # Unit quaternions, up to rounding, stay unchanged.
             q = so3.make_continuous(q if abs(norms[k] - 1.0) < 1e-6 else so3.normalize(q))
         j = None
         joint_names = tuple(joint_names)
@@ -278,18 +278,18 @@ class Demonstration:
         )
 
     def filled(self, longest: float) -> Self:
-        """Returns the motion with samples between those that are further apart than `longest` [s].
+        """Returns the motion with samples inserted between those further apart than `longest` [s].
 
-        They lie on the cubic through positions and velocities (Hermite's), or on the piecewise
-        cubic that does not overshoot where that strays; orientations and joints are interpolated
-        without overshoot as well.
+        They lie on the cubic Hermite spline through positions and velocities, or, where that
+        strays, on the piecewise cubic without overshoot, with which orientations and joints are
+        always interpolated.
         """
         times = fill_times(self.times, longest)
         if len(times) == len(self.times):
             return self
-        way = hermite(self.times, self.positions, self.velocities)
-        if strays(self.times, self.positions, way):
-            way = careful(self.times, self.positions)
+        curve = hermite(self.times, self.positions, self.velocities)
+        if strays(self.times, self.positions, curve):
+            curve = careful(self.times, self.positions)
 
         def between(values: Array | None) -> Array | None:
             return None if values is None else careful(self.times, values)(times)
@@ -300,16 +300,16 @@ class Demonstration:
         return replace(
             self,
             times=times,
-            positions=way(times),
-            velocities=way.derivative(1)(times),
-            accelerations=way.derivative(2)(times),
+            positions=curve(times),
+            velocities=curve.derivative(1)(times),
+            accelerations=curve.derivative(2)(times),
             rotations=rotations,
             angles=angles,
             joints=between(self.joints),
         )
 
     def thinned(self, most: int) -> Self:
-        """Returns the motion with at most so many samples, evenly chosen; ends are kept."""
+        """Returns the motion with at most `most` samples, evenly spaced, ends included."""
         if len(self.times) <= most:
             return self
         return self.selected(evenly_chosen(len(self.times), most))

@@ -1,19 +1,19 @@
-"""Demonstrations as files: this project's own forms, and what other tools record.
+"""Demonstrations as files: this project's own formats, and those of other tools.
 
-The project's own forms have one row per sample, separated by white space, `#` starts a comment:
+The project's own formats have one row per sample, separated by white space, `#` starts a comment:
 
 - a folder with `translation.txt` (time, 3 positions, 3 velocities, 3 accelerations) and, if the
   orientation is known, `rotation.txt` (time, roll, pitch, yaw, their rates, their accelerations),
-  and `joints.csv` (a header `time,NAME,...`) where joints were recorded; or `joints.csv` alone, the
-  hand is then found by forward kinematics; or a folder in which a recording was interrupted (see
+  and, if joints were recorded, `joints.csv` (a header `time,NAME,...`); or `joints.csv` alone, with
+  the hand's path from forward kinematics; or a folder with an interrupted recording (see
   `recording`);
 - a text file with the ten columns of `translation.txt`; an orientation is taken from
   `NAME_pose.txt` beside `NAME.txt` if there is one;
 - a file `NAME_pose.txt`: time, position, unit quaternion w, x, y, z.
 
 In the ten-column files accelerations, or velocities and accelerations, may be left out: they are
-then derived. Units are s, m, rad, positions in the torso frame. `importers` reads all else; what is
-read is checked (`check`), and filtered where it is noisy (`conditioning`).
+derived. Units are s, m, rad, positions in the torso frame. `importers` reads all other formats.
+What is read is checked (`check`), and filtered where it is noisy (`conditioning`).
 """
 
 from dataclasses import replace
@@ -59,7 +59,7 @@ def read_demonstration(path: Path, options: ImportOptions | None = None) -> Demo
     """Reads the one demonstration of a file or a folder.
 
     Raises:
-        InputError: It holds none, several, or one that cannot be right; with the mend.
+        InputError: It holds none, several, or one that is wrong; the message says what to do.
     """
     said = options or ImportOptions()
     check_file(path)
@@ -75,7 +75,7 @@ def read_demonstrations(path: Path, options: ImportOptions | None = None) -> lis
     """Reads all demonstrations of a file or a folder, as bags and data sets hold several.
 
     Raises:
-        InputError: It holds none, or one that cannot be right; with the mend.
+        InputError: It holds none, or one that is wrong; the message says what to do.
     """
     said = options or ImportOptions()
     check_file(path)
@@ -85,20 +85,20 @@ def read_demonstrations(path: Path, options: ImportOptions | None = None) -> lis
 
 
 def read_joint_recording(path: Path, options: ImportOptions | None = None) -> JointRecording:
-    """Reads the motion of any of Pepper's joints, one or more; no hand is made of it.
+    """Reads the motion of one or more of Pepper's joints, without forward kinematics.
 
     Raises:
-        InputError: There is none, or it cannot be right; with the mend.
+        InputError: There is none, or it is wrong; the message says what to do.
     """
     said = options or ImportOptions()
     return interpret_joints(_choose(read_all_tracks(path), said, path), said)
 
 
 def read_all_tracks(path: Path) -> list[Track]:
-    """Reads what a file or a folder holds, before units, order and frame are known.
+    """Reads the tracks of a file or a folder, before units, order and frame are known.
 
     Raises:
-        InputError: With file, line and how to mend it.
+        InputError: With file, line and what to do.
     """
     check_file(path)
     if path.is_dir() and any((path / name).exists() for name in (TRANSLATION, JOINTS, ROTATION)):
@@ -119,7 +119,7 @@ def read_all_tracks(path: Path) -> list[Track]:
 
 
 def _choose(tracks: list[Track], options: ImportOptions, path: Path) -> Track:
-    """Returns the track that was asked for, or the only one."""
+    """Returns the selected track, or the only one."""
     names = [track.name for track in tracks]
     shown = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
     if options.track is None:
@@ -139,8 +139,8 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
     """Writes a folder, a `NAME_pose.txt`, or (any other .txt) ten columns.
 
     Numbers are written in the shortest form that reads back the same. Ten columns of a motion
-    with orientation are accompanied by `NAME_pose.txt`. A folder's `rotation.txt` has the angles
-    that were recorded, else those of the quaternions.
+    with orientation are accompanied by `NAME_pose.txt`. A folder's `rotation.txt` has the recorded
+    angles, or those of the quaternions.
 
     Raises:
         InputError: A pose file is asked for but the orientation is unknown, or writing failed.
@@ -161,7 +161,7 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
             header = "# time [s], roll pitch yaw [rad], rates [rad/s], accelerations [rad/s^2]\n"
             write_atomically(path / ROTATION, header + format_table(table))
         else:
-            (path / ROTATION).unlink(missing_ok=True)  # An earlier demonstration's.
+            (path / ROTATION).unlink(missing_ok=True)  # Of an earlier demonstration.
         if demonstration.joints is not None:
             table = np.column_stack((demonstration.times, demonstration.joints))
             header = ",".join(("time", *demonstration.joint_names)) + "\n"
@@ -212,9 +212,9 @@ def _read_folder(path: Path) -> Track:
 
 
 def _recorded_width(path: Path) -> int:
-    """Returns how many columns are taken: the rates of few samples are derived again.
+    """Returns how many columns are read: derivatives between few samples are computed again.
 
-    Between few samples the second derivative jumps, and does not pass for that of the first.
+    There the second derivative jumps, and is not the derivative of the first.
     """
     header = read_text(path).partition("\n")[0]
     if not header.startswith("#") or CAREFUL not in header:
@@ -262,7 +262,7 @@ def _read_joints(path: Path) -> tuple[Array, Array, tuple[str, ...], Lines]:
     names = tuple(name.strip() for name in header.split(","))
     if len(names) < 2 or names[0] != "time" or not all(names):
         raise InputError(f"{path}, line 1: the header must be time,JOINT,... with NAOqi's names")
-    # A leading empty line keeps the line numbers in errors right.
+    # The empty first line keeps line numbers in errors right.
     table = parse_table("\n" + body, path, (len(names),), "as named in the header", separator=",")
     return table[:, 0], table[:, 1:], names[1:], row_lines("\n" + body)
 

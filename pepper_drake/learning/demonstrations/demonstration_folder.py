@@ -1,4 +1,4 @@
-"""All demonstrations below a folder, whatever their form."""
+"""All demonstrations below a folder, in any format."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,9 +17,9 @@ from pepper_drake.learning.demonstrations.recording import PARTIAL
 
 
 def load_all(paths: Sequence[str | Path]) -> list[Demonstration]:
-    """Reads demonstrations: each path is one, or a folder in and below which all are read.
+    """Reads demonstrations: each path is one, or a folder that is searched recursively.
 
-    A text file in a folder whose first row is not numbers (a licence, a note) is passed over; a
+    A text file in a folder whose first row is not numbers (a licence, a note) is skipped; a
     `NAME_pose.txt` belongs to the `NAME.txt` beside it where there is one.
 
     Raises:

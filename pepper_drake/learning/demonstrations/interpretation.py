@@ -1,7 +1,7 @@
-"""From what a file has to a demonstration: units, order, frame, arm, and what had to be found out.
+"""From a track to a demonstration: units, order, frame and arm.
 
-What the file or the user says is taken. What nobody says is SI, unless the numbers prove otherwise;
-then it is either told (where there is one reading only) or refused with the question.
+What the file or the user states is taken. Anything else is SI unless the numbers contradict it;
+then it is inferred, with a note, if there is only one reading, or else refused with a question.
 """
 
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ from pepper_drake.learning.demonstrations.refusals import (
 Array = npt.NDArray[np.float64]
 
 _EPOCHS = (("ns", 9e17, 4.2e18), ("us", 9e14, 4.2e15), ("ms", 9e11, 4.2e12))
-"""Clocks of the years 1998 to 2103 in units below the second."""
+"""Ranges of clocks of the years 1998 to 2103 in units below the second."""
 
 _FRAMES = {
     "torso": "torso",
@@ -65,7 +65,7 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     """Returns the demonstration in T [m, s, rad], checked.
 
     Raises:
-        InputError: With file, line and the mend.
+        InputError: With file, line and what to do.
     """
     track = track.without_repeats()
     notes = [f"read as {track.kind}", *track.notes]
@@ -121,7 +121,7 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     except InputError as error:
         raise InputError(f"{track.path}: {error}") from None
     if options.up == "y" or options.plane is not None:
-        angles = None  # Those of another frame.
+        angles = None  # They refer to another frame.
     demonstration = replace(demonstration, angles=angles, notes=tuple(notes))
     refuse_impossible(demonstration, where)
     return filtered(demonstration)
@@ -135,8 +135,8 @@ class JointRecording:
         name: Of the motion.
         times: (N,) [s].
         joints: (N, J) [rad].
-        names: J names, as NAOqi has them.
-        notes: What was read as what.
+        names: J names, as NAOqi's.
+        notes: How the file was interpreted.
     """
 
     name: str
@@ -149,7 +149,7 @@ class JointRecording:
 def interpret_joints(track: Track, options: ImportOptions) -> JointRecording:
     """Returns the motion of those of Pepper's joints that a track has [rad, s].
 
-    Of two arms, the one that was asked for is kept; joints that rest are kept as well.
+    With `options.arm`, only that arm's joints are kept; joints at rest are kept as well.
 
     Raises:
         InputError: It has none, or they are beyond their limits.
@@ -185,7 +185,7 @@ class _Placed:
     rotations: Array | None
 
     def turned(self, rotation: Array) -> "_Placed":
-        """Returns all of it, turned by a quaternion (4,)."""
+        """Returns the motion rotated by a quaternion (4,)."""
         q = np.tile(rotation, (len(self.positions), 1))
 
         def turn(values: Array | None) -> Array | None:
@@ -199,15 +199,15 @@ class _Placed:
         )
 
     def shifted(self, offset: npt.ArrayLike) -> "_Placed":
-        """Returns all of it, shifted by an offset (3,) [m]."""
+        """Returns the motion shifted by an offset (3,) [m]."""
         return replace(self, positions=self.positions + np.asarray(offset, dtype=float))
 
 
 def filtered(demonstration: Demonstration) -> Demonstration:
-    """Returns a demonstration whose noise has passed the filter that recordings pass.
+    """Returns a demonstration low-pass filtered like our recordings, if it is noisy.
 
     Nothing is done where the noise would cause less than `LOUD` in the accelerations. A start or an
-    end whose speed cannot be told from rest is at rest.
+    end whose speed is within the noise is taken to be at rest.
     """
     t = demonstration.times
     noises = [measure_noise(t, demonstration.positions)]
@@ -233,7 +233,7 @@ def filtered(demonstration: Demonstration) -> Demonstration:
 
 
 def _taken_as(track: Track, options: ImportOptions) -> list[str]:
-    """Returns a note on what neither the file nor the user says; of our own folders, none."""
+    """Returns a note on assumed units and frame; none for our own folders."""
     own = track.positions is None or track.kind == "a folder of a demonstration"
     said = {
         "in metres": (options.unit, track.unit),
@@ -289,13 +289,13 @@ def _refuse_order(track: Track) -> None:
 def _positions(
     track: Track, options: ImportOptions, notes: list[str]
 ) -> tuple[Array | None, float]:
-    """Returns positions (N, 3) [m] and what their unit is in metres."""
+    """Returns positions (N, 2 or 3) [m] and their unit in metres."""
     p = track.positions
     if p is None:
         return None, 1.0
     assert track.times is not None
     if p.shape[1] == 3 and track.velocities is not None and track.accelerations is None:
-        # Seven columns: x, y and their derivatives twice over pass for x, y, z and velocities.
+        # Seven columns: x, y and their two derivatives look like x, y, z and velocities.
         table = np.column_stack((track.times, p, track.velocities))
         if dimensions(table) == 2:
             raise InputError(
@@ -360,7 +360,7 @@ def _in_torso(placed: _Placed, track: Track, options: ImportOptions, notes: list
 def _joints(
     track: Track, options: ImportOptions, positions: Array | None, notes: list[str]
 ) -> tuple[str | None, Array | None, tuple[str, ...]]:
-    """Returns the arm, its joints (N, 5) [rad] and their names; the arm that moves, by name."""
+    """Returns the arm, its joints (N, 5) [rad] and their names; of two arms, the one that moves."""
     if track.joints is None:
         return options.arm, None, ()
     names = [joint_of(name) for name in track.joint_names]
@@ -371,7 +371,7 @@ def _joints(
         )
     unit = options.angle or track.joint_unit or "rad"
     if unit == "deg" and track.joint_unit is None and _agree(track, names, whole, positions):
-        unit = "rad"  # What is in degrees is the orientation.
+        unit = "rad"  # Only the orientation is in degrees.
     elif unit == "deg":
         notes.append("joints in degrees")
         if whole and options.angle is None and np.abs(track.joints).max() < np.pi:
@@ -404,7 +404,7 @@ def _joints(
 def _refuse_the_arm_at_rest(
     track: Track, names: Sequence[str | None], joints: Array, whole: str
 ) -> None:
-    """Refuses an arm that rests while joints of the other one, of which one is missing, move."""
+    """Refuses an arm at rest while the other, some of whose joints are missing, moves."""
     other = "left" if whole == "right" else "right"
     missing = [name for name in arm_chain(other).joint_names if name not in names]
     present = [names.index(name) for name in arm_chain(other).joint_names if name in names]
@@ -423,7 +423,7 @@ def _columns(names: Sequence[str | None], arm: str) -> list[int]:
 def _agree(
     track: Track, names: Sequence[str | None], arms: Sequence[str], positions: Array | None
 ) -> bool:
-    """Tells whether the joints as they are, in radians, have the hand where it was."""
+    """Tells whether the joints, taken as radians, give the recorded positions of the hand."""
     if positions is None or track.joints is None or positions.shape[1] != 3:
         return False
     return any(

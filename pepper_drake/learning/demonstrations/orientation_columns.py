@@ -16,11 +16,11 @@ from pepper_drake.learning.demonstrations.refusals import FARTHEST, HAND_TURN, t
 Array = npt.NDArray[np.float64]
 
 _FITS, _MISSES = 2e-3, 0.02
-"""Poses nearer than the first [m] to what the arm can take are the arm's, farther than the second
-are not; a radian counts 0.1 m."""
+"""Poses closer than the first [m] to the nearest that the arm can take count as the hand's, those
+farther than the second do not; a radian counts 0.1 m."""
 
 _MOST_TURN = 2.2 * np.pi
-"""Roll, pitch and yaw beyond this [rad] are degrees: a hand does not turn more than once."""
+"""Roll, pitch and yaw beyond this [rad] are degrees: a hand does not turn more than a full turn."""
 
 
 def read_rotations(
@@ -31,18 +31,18 @@ def read_rotations(
     positions: Array | None,
     notes: list[str],
 ) -> tuple[Array | None, Array | None]:
-    """Returns unit quaternions w, x, y, z (N, 4), and the angles (N, 9) where there are.
+    """Returns unit quaternions w, x, y, z (N, 4), and the angles (N, 9) if the file has angles.
 
     Args:
         track: The columns of the file.
-        options: The user's word on order and unit; it goes before what the file says.
+        options: The user's order and unit, which override the file's.
         arm: The arm of `joints`, None where there are none.
         joints: Joint angles (N, J) [rad].
         positions: Positions of the hand (N, 2 or 3) [m].
-        notes: Takes a line for each thing that was found out rather than said.
+        notes: A line is appended for what was inferred.
 
     Raises:
-        InputError: With file, line and the mend.
+        InputError: With file, line and what to do.
     """
     if track.angles is not None:
         return _from_angles(track, options, arm, joints, positions, notes)
@@ -85,8 +85,8 @@ def _order_by_arm(
 ) -> str | None:
     """Returns the order in which the orientations are those of Pepper's hand, None if unsure.
 
-    With the arm's joints by forward kinematics; without, by the poses that an arm of five joints
-    can take: a wrong order is none of them.
+    It is found with forward kinematics if the arm's joints are known, otherwise by which poses an
+    arm of five joints can take: in the wrong order it can take none.
     """
     if joints is not None and arm is not None and joints.shape[1] == 5:
         hand = arm_chain(arm).hand(joints)[1]
@@ -108,10 +108,10 @@ def _refuse_other_reading(
     positions: Array | None,
     notes: list[str],
 ) -> None:
-    """Refuses orientations that Pepper's hand cannot have, where another reading of them fits.
+    """Refuses orientations that Pepper's hand cannot have, if another reading of them fits.
 
-    Where none fits, as with another grip or frame, that is noted. Without joints; with them, the
-    check of the demonstration compares orientation and joints.
+    If none fits, as with another grip or frame, a note says so. With joints nothing is done here:
+    the check of the demonstration compares orientation and joints.
     """
     if joints is not None or not _may_be_a_hand(positions):
         return
@@ -130,7 +130,7 @@ def _refuse_other_reading(
 
 
 def _in_torso(track: Track, options: ImportOptions) -> bool:
-    """Tells whether the poses are in the torso frame as far as anybody says."""
+    """Tells whether neither file nor user says that the poses are not in the torso frame."""
     return (
         track.frame in (None, "torso", "base_link")
         and options.frame in (None, "torso")
@@ -147,7 +147,7 @@ def _may_be_a_hand(positions: Array | None) -> TypeGuard[Array]:
 
 
 def _miss(positions: Array, rotations: Array) -> float:
-    """Returns how far four of the poses are, at worst, from any that the better arm can take."""
+    """Returns the largest distance of four of the poses from those that the better arm can take."""
     count = len(positions)
     samples = sorted({0, count // 3, 2 * count // 3, count - 1})
     right = positions[:, 1].mean() < 0.0
@@ -173,7 +173,7 @@ def _from_angles(
     if unit == "deg" and track.angle_unit is None and arm is not None and joints is not None:
         hand = arm_chain(arm).hand(joints)[1]
         if turn_between(hand, so3.from_angles(track.angles[:, :3])) < HAND_TURN:
-            unit = "rad"  # What is in degrees is the joints.
+            unit = "rad"  # Only the joints are in degrees.
     values = track.angles * ANGLES[unit or "rad"]
     if unit == "deg":
         notes.append("angles in degrees")

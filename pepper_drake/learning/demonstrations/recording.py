@@ -1,9 +1,8 @@
-"""Recordings that survive whatever ends them.
+"""Recordings that survive interruption.
 
-While a motion is recorded its samples go to `recording.partial.csv` in the demonstration's folder,
-whole rows at a time; when it is over the demonstration's own files take their place. A process that
-is killed leaves the partial file behind, which `Demonstration.load` reads as well: as long as it is
-there, it is what was recorded last.
+During recording, samples go to `recording.partial.csv` in the demonstration's folder, whole rows at
+a time; at the end the demonstration's own files replace it. A killed process leaves the partial
+file behind. `Demonstration.load` reads it too: as long as it exists, it is the latest recording.
 """
 
 import os
@@ -33,11 +32,11 @@ PARTIAL = "recording.partial.csv"
 """Header `time,x,y,z,qw,qx,qy,qz,JOINT,...`, then a row for each sample [s, m, rad], in T."""
 
 CUTOFF = 10.0
-"""Frequency at which the filter of recordings halves the amplitude [Hz]: above what a hand does by
-intention, below the jitter of what holds it."""
+"""Frequency at which the filter of recordings halves the amplitude [Hz]: above intended motion of
+the hand, below the jitter of whatever guides it."""
 
 REST_SPEED, REST_TURN_RATE = 0.005, 0.06
-"""Below these [m/s, rad/s] a hand that is taught rests."""
+"""Below these [m/s, rad/s] a guided hand is at rest."""
 
 _POSE = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
 _FEWEST = 5
@@ -54,7 +53,7 @@ def recorded_demonstration(
     name: str = "recording",
     cutoff: float = CUTOFF,
 ) -> Demonstration:
-    """Makes a demonstration of samples of the hand.
+    """Makes a demonstration from samples of the hand.
 
     Velocities and accelerations are the derivatives of the cubic smoothing spline through the
     samples, whose frequency response is 1 / (1 + (f / cutoff)⁴), without lag; see
@@ -64,7 +63,7 @@ def recorded_demonstration(
         times: (N,) [s].
         samples: (N, 7 + J) position [m], unit quaternion w, x, y, z, and joints [rad].
         joint_names: J names.
-        name: The demonstration's.
+        name: Of the demonstration.
         cutoff: [Hz].
 
     Raises:
@@ -84,12 +83,12 @@ def recorded_demonstration(
 
 
 class RecordingWriter:
-    """Writes samples as they come, then the demonstration; use it in a `with` statement.
+    """Writes samples as they arrive, then the demonstration; use it in a `with` statement.
 
     Leaving the `with` statement before `finish` keeps the partial file.
 
     Args:
-        folder: The demonstration's; made if need be.
+        folder: The demonstration's; created if needed.
         joint_names: J names of the joints in the samples.
 
     Raises:
@@ -115,10 +114,10 @@ class RecordingWriter:
         self._put(",".join((*_POSE, *joint_names)) + "\n")
 
     def write(self, times: npt.ArrayLike, samples: npt.ArrayLike) -> None:
-        """Writes what is new of a record.
+        """Writes the samples that are new since the last call.
 
         Args:
-            times: (N,) [s], of the whole record so far.
+            times: (N,) [s] of all samples so far.
             samples: (N, 7 + J) as in `recorded_demonstration`.
 
         Raises:
@@ -131,7 +130,7 @@ class RecordingWriter:
             self._written += len(table)
 
     def finish(self, demonstration: Demonstration) -> None:
-        """Writes the demonstration's files, each at once, and then removes the partial one.
+        """Writes the demonstration's files, each atomically, and then removes the partial one.
 
         Raises:
             InputError: A file cannot be written to.
@@ -142,13 +141,13 @@ class RecordingWriter:
     def finish_motion(
         self, record: Callable[[], Demonstration]
     ) -> tuple[Demonstration, Demonstration]:
-        """Writes what was recorded, without the rest at both ends; nothing where none moved.
+        """Writes the recording without the rest at both ends, or nothing if the hand never moved.
 
         Args:
-            record: Makes a demonstration of all samples.
+            record: Makes a demonstration from all samples.
 
         Returns:
-            All that was recorded, and the motion that was written.
+            The whole recording, and the motion that was written.
 
         Raises:
             StoppedError: The hand has not moved.
@@ -167,7 +166,7 @@ class RecordingWriter:
         return recorded, motion
 
     def discard(self) -> None:
-        """Removes the partial file: there is nothing worth keeping."""
+        """Removes the partial file."""
         self._path.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
@@ -182,33 +181,33 @@ class RecordingWriter:
         os.close(self._file)
 
     def _put(self, text: str) -> None:
-        """Hands whole rows to the system, which keeps them even if this process is killed."""
+        """Passes whole rows to the operating system: they survive if this process is killed."""
         data = memoryview(text.encode())
         try:
             while data:
                 data = data[os.write(self._file, data) :]
             if monotonic() - self._synced > _SYNC_PERIOD:
-                os.fsync(self._file)  # Keeps them even if the machine stops.
+                os.fsync(self._file)  # They survive a crash of the machine.
                 self._synced = monotonic()
         except OSError as error:
             raise InputError(f"{self._path}: cannot be written ({error.strerror})") from None
 
 
 def read_partial(folder: Path) -> Demonstration | None:
-    """Reads what an interrupted recording left in a folder.
+    """Reads an interrupted recording in a folder.
 
     Returns:
-        The demonstration up to the last whole row; None if there is no partial file, or nothing in
-        it yet beside a finished demonstration.
+        The demonstration up to the last whole row; None if there is no partial file, or too little
+        in it beside a finished demonstration.
 
     Raises:
-        InputError: The file is broken, holds fewer than five samples, or what cannot be.
+        InputError: The file is broken, holds fewer than five samples, or an impossible motion.
     """
     path = folder / PARTIAL
     if not path_inside(folder, PARTIAL).exists():
         return None
     content = read_bytes(path, _LARGEST)
-    # The last row may be torn; a machine that stopped may have left zeros after it.
+    # The last row may be incomplete; a crash of the machine may have left zeros after it.
     whole, _, _ = content.rstrip(b"\0").rpartition(b"\n")
     header, _, body = whole.decode("utf-8", errors="replace").partition("\n")
     names = tuple(header.split(","))
@@ -229,7 +228,7 @@ def read_partial(folder: Path) -> Demonstration | None:
     def row(sample: int) -> str:
         return f"{path}, line {sample + 2}"
 
-    refuse_far(table[:, 1:4], row)  # Before the filter spreads it over what is around.
+    refuse_far(table[:, 1:4], row)  # Before the filter spreads an outlier over its neighbours.
     try:
         recorded = recorded_demonstration(
             table[:, 0], table[:, 1:], names[len(_POSE) :], name=folder.resolve().name
@@ -241,7 +240,7 @@ def read_partial(folder: Path) -> Demonstration | None:
 
 
 def recover(folder: Path) -> Demonstration:
-    """Makes an interrupted recording a demonstration's files, and removes the partial one.
+    """Turns an interrupted recording into a demonstration's files, and removes the partial file.
 
     Raises:
         InputError: There is no interrupted recording, or it is broken.
@@ -256,9 +255,9 @@ def recover(folder: Path) -> Demonstration:
 
 
 def without_rest(demonstration: Demonstration) -> Demonstration:
-    """Returns a recording from when the hand moves to when it rests, from time 0.
+    """Returns a recording without the rest at its ends, from time 0.
 
-    One in which it never moves is returned as it is.
+    One without motion is returned unchanged.
     """
     try:
         motion = demonstration.trimmed(speed=REST_SPEED, turn_rate=REST_TURN_RATE)

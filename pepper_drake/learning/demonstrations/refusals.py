@@ -1,4 +1,4 @@
-"""Refusals of demonstrations that cannot be what their numbers say, with sample and mend."""
+"""Refusals of implausible demonstrations, naming the sample and what to do."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -23,36 +23,36 @@ Array = npt.NDArray[np.float64]
 Where = Callable[[int], str]
 
 FARTHEST = 2.0
-"""A hand farther from the torso than this [m] is not Pepper's, in whatever frame it was recorded:
-upright, its head is 1.2 m above the floor, and its arm reaches 0.41 m."""
+"""Largest distance of the hand from the torso [m], in any frame of a recording: upright, Pepper's
+head is 1.2 m above the floor, and its arm reaches 0.41 m."""
 
 FASTEST = 6.0
-"""A hand faster than this [m/s] was not moved by an arm."""
+"""Largest speed of a hand [m/s]."""
 
 FASTEST_TURN = 40.0
-"""A hand that turns faster than this [rad/s] did not turn."""
+"""Largest angular speed of a hand [rad/s]."""
 
 LONGEST_GAP = 10.0
-"""Longest gap between samples [s]; the motion in a longer one is not known."""
+"""Longest gap between samples [s]; the motion in a longer one is unknown."""
 
 REACH_SLACK = 0.15
-"""A hand may be so far beyond the stretched arm [m]: another grip, a person's arm."""
+"""Tolerance of the hand beyond the stretched arm [m]: another grip, a person's arm."""
 
 SMALLEST = 0.005
 """A hand that stays within this [m], and does not turn, did not move."""
 
 SLOWEST, SLOW_STEP = 0.005, 0.5
-"""A motion with a mean speed below this [m/s] and samples this far apart [s] has another unit of
-time."""
+"""A motion with a lower mean speed [m/s] and samples at least this far apart [s] must have another
+unit of time."""
 
 LIMIT_SLACK = 0.06
-"""Joints may be measured beyond their limits by this much [rad]."""
+"""Tolerance of measured joints beyond their limits [rad]."""
 
 HAND_DISTANCE, HAND_TURN = 0.03, 0.2
-"""The hand may be so far from where the joints have it [m, rad], by the median of all samples."""
+"""Largest median difference of the hand's pose from forward kinematics [m, rad]."""
 
 _UP = np.array([0.0, 0.0, 0.82])
-"""The torso above the floor [m]."""
+"""Position of the torso above the floor [m]."""
 
 _DERIVATIVE_SHARE = 0.3
 _OUTLIER = 0.03
@@ -60,14 +60,14 @@ _FEW = 8
 
 
 def refuse_impossible(demonstration: "Demonstration", where: Where | None = None) -> None:
-    """Raises where a demonstration cannot be what its numbers say.
+    """Raises if a demonstration is implausible.
 
     Args:
         demonstration: In the torso frame or the floor's [m, s, rad].
         where: Names a sample in the message, with the file.
 
     Raises:
-        InputError: With the sample and the mend.
+        InputError: With the sample and what to do.
     """
     name = demonstration.name
     label = where or (lambda sample: f"{name}, sample {sample + 1}")
@@ -83,7 +83,7 @@ def refuse_impossible(demonstration: "Demonstration", where: Where | None = None
 
 
 def refuse_far(positions: Array, label: Where, unit_known: bool = False) -> None:
-    """Refuses positions that are metres away: another unit, unless it is known, another frame."""
+    """Refuses positions metres away: another unit, if it is not known, or another frame."""
     far = np.linalg.norm(positions, axis=1)
     k = int(np.argmax(far))
     if far[k] <= FARTHEST:
@@ -104,7 +104,7 @@ def refuse_far(positions: Array, label: Where, unit_known: bool = False) -> None
 
 
 def refuse_unreached(positions: Array, label: Where, unit_known: bool = False) -> None:
-    """Refuses a motion that is nowhere near what either arm reaches: another frame or unit."""
+    """Refuses a motion out of reach of both arms: another frame or unit."""
     shoulders = [arm_chain(arm).shoulder for arm in ("left", "right")]
 
     length = arm_chain("right").length
@@ -135,7 +135,7 @@ def refuse_unreached(positions: Array, label: Where, unit_known: bool = False) -
 
 
 def refuse_rest(positions: Array, rotations: Array | None, label: Where) -> None:
-    """Refuses a motion that is none: another unit, a body at rest."""
+    """Refuses a motion without movement: another unit, or a body at rest."""
     size = float(np.linalg.norm(np.ptp(positions, axis=0)))
     turned = 0.0
     if rotations is not None:
@@ -150,7 +150,7 @@ def refuse_rest(positions: Array, rotations: Array | None, label: Where) -> None
 
 
 def refuse_gaps(times: Array, label: Where) -> None:
-    """Refuses a gap that is longer than any wait, in what is otherwise dense."""
+    """Refuses a gap longer than any pause in an otherwise dense recording."""
     steps = np.diff(times)
     k = int(np.argmax(steps))
     if steps[k] > max(LONGEST_GAP, 50.0 * float(np.median(steps))):
@@ -176,10 +176,10 @@ def refuse_time(times: Array, positions: Array, label: Where) -> None:
 
 
 def find_outliers(times: Array, positions: Array) -> npt.NDArray[np.int64]:
-    """Returns the samples that jump away and back: far from the line between their neighbours.
+    """Returns the samples that jump away and back: outliers from the line between their neighbours.
 
-    Far is 3 cm, ten times the median of all samples, and one and a half times what the neighbours
-    are apart.
+    Their distance from it exceeds 3 cm, ten times the median over all samples, and one and a half
+    times the distance between the neighbours.
     """
     if len(times) < _FEW:
         return np.empty(0, dtype=np.int64)
@@ -192,7 +192,7 @@ def find_outliers(times: Array, positions: Array) -> npt.NDArray[np.int64]:
 
 
 def refuse_jumps(times: Array, positions: Array, label: Where) -> None:
-    """Refuses samples that no hand can have been at: outliers, zeros of a lost tracker, jumps."""
+    """Refuses outliers, zeros of a lost tracker, and jumps."""
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     usual = float(np.median(steps))
     zero = np.flatnonzero(np.all(positions == 0.0, axis=1))
@@ -219,12 +219,12 @@ def refuse_jumps(times: Array, positions: Array, label: Where) -> None:
             f" {speeds[k]:.3g} m/s; remove what is wrong there, or are positions metres and times"
             " seconds (--unit, --time)?"
         )
-    # Between samples that are a fiftieth of a second apart: nearer ones differ by their noise.
+    # Speed over a fiftieth of a second: over less, noise dominates.
     stride = int(
         np.clip(round(0.02 / float(np.median(np.diff(times)))), 1, max(1, len(times) // 4))
     )
-    way = np.linalg.norm(positions[stride:] - positions[:-stride], axis=1)
-    fast = way / (times[stride:] - times[:-stride])
+    travel = np.linalg.norm(positions[stride:] - positions[:-stride], axis=1)
+    fast = travel / (times[stride:] - times[:-stride])
     if fast.max() > FASTEST:
         j = int(np.argmax(fast))
         raise InputError(
@@ -273,7 +273,7 @@ def refuse_turns(times: Array, rotations: Array, label: Where) -> None:
 
 
 def refuse_joints(demonstration: "Demonstration", label: Where) -> None:
-    """Refuses joints beyond their limits, and joints that have the hand elsewhere."""
+    """Refuses joints beyond their limits, and joints that contradict the hand's pose."""
     joints, names = demonstration.joints, demonstration.joint_names
     assert joints is not None
     refuse_limits(joints, names, label)
@@ -292,7 +292,7 @@ def refuse_limits(joints: Array, names: Sequence[str], label: Where) -> None:
         over = np.maximum(lower - joints[:, j], joints[:, j] - upper)
         k = int(np.argmax(over))
         if over[k] > LIMIT_SLACK:
-            # A joint that turns by more than a circle is not in radians.
+            # More than 4 rad: no joint of Pepper goes that far.
             degrees = np.abs(joints).max() > 4.0
             mend = "are they degrees (--angle deg)?" if degrees else "correct it"
             if not degrees and over[k] <= MOST_CLIPPED:
@@ -339,11 +339,11 @@ def _refuse_disagreement(
 
 
 def refuse_unlike(demonstrations: "list[Demonstration]") -> None:
-    """Refuses demonstrations that are not of one movement.
+    """Refuses demonstrations of different movements.
 
-    Sizes and durations may differ by a factor of 10; the displacements from the start, at the same
-    share of the time, must point the same way: their normalised correlation with that of the
-    others' mean is at least 0.3.
+    Sizes and durations may differ by a factor of 10. The displacements from the start, over
+    relative time, must agree in direction: their normalised correlation with the mean of the
+    others' is at least 0.3.
 
     Raises:
         InputError: Naming the one that is unlike the others.

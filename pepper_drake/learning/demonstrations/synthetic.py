@@ -1,4 +1,4 @@
-"""Made-up motions of the hand, to try the learners on where no recording is at hand."""
+"""Synthetic motions of the hand, to try the learners without recordings."""
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -12,8 +12,8 @@ CENTRE = (0.15, -0.18, 0.08)
 def example_demonstrations(count: int = 10, seed: int = 0) -> list[Demonstration]:
     """Makes smooth motions in a box of 25 cm, 2 to 5 s at 100 Hz; every second one never rests.
 
-    They are quintic splines over random control points, like hand-guided motions in size, speed
-    and in that many start and end while moving, and exact in their derivatives.
+    They are quintic splines over random control points with exact derivatives, similar to
+    hand-guided motions in size and speed.
     """
     rng = np.random.default_rng(seed)
     return [_example(f"example_{index}", rng, at_rest=index % 2 == 0) for index in range(count)]

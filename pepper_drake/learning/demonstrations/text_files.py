@@ -1,4 +1,4 @@
-"""Number tables as text: strict reading with errors that name file and line."""
+"""Number tables as text: strict parsing with errors that name file and line."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ def parse_table(
     Args:
         text: The rows; `#` starts a comment, empty lines are skipped.
         path: Named in errors.
-        columns: The numbers of columns that are allowed; all rows must have the same.
+        columns: Allowed numbers of columns; all rows must have the same.
         meaning: What the columns are, for the error about their number.
         separator: Between columns; None means white space.
 
@@ -28,7 +28,7 @@ def parse_table(
         (N, number of columns) table with N >= 4.
 
     Raises:
-        InputError: With file, line and how to mend it.
+        InputError: With file, line and what to do.
     """
     rows: list[list[float]] = []
     width = 0

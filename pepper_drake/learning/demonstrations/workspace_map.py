@@ -1,4 +1,4 @@
-"""From where a person moves a hand to where the robot's hand moves: the correspondence."""
+"""The correspondence of a person's workspace and the robot's."""
 
 from dataclasses import dataclass
 
@@ -17,19 +17,19 @@ Array = npt.NDArray[np.float64]
 class WorkspaceMap:
     """Maps the motion of something a person holds to the robot's hand.
 
-    The person's motion is taken from where it starts, turned into the robot's axes and scaled to
+    The motion is taken relative to its start, rotated into the robot's axes, scaled to the robot's
+    arm, and applied from the pose of the robot's hand:
     the robot's arm, and set down where the robot's hand is:
 
         p_TH(t) = p_TH(0) + scale R (p_TM(t) - p_TM(0)),
         R_TH(t) = R (R_TM(t) R_TM(0)^-1) R^-1 R_TH(0),   R = Rz(yaw).
 
-    Angles are not scaled. How the thing is held does not matter, nor where the person stands.
-    With yaw = pi a person who faces the robot and moves ahead makes the robot's hand move ahead,
-    and to the own right makes it move to the robot's right.
+    Angles are not scaled. Neither the person's grip nor position matters. With yaw = pi, for a
+    person facing the robot, the person's forward and right are the robot's.
     """
 
     scale: float = 0.6
-    """The robot's way for a metre of the person's."""
+    """Distance of the robot's hand per distance of the person's."""
     yaw: float = np.pi
     """From the person's axes to the robot's, about T's z axis [rad]."""
 
@@ -37,7 +37,7 @@ class WorkspaceMap:
         """Maps a motion.
 
         Args:
-            shown: Of the thing that the person holds, in T, with rotations.
+            shown: Motion of what the person holds, in T, with rotations.
             position: (3,) p_TH(0), where the robot's hand is [m].
             rotation: (4,) its orientation, unit quaternion w, x, y, z.
 
@@ -69,7 +69,7 @@ class Sightings:
     """Poses of a marker, from images.
 
     Attributes:
-        times: (N,) [s], increasing; of images in which it was seen.
+        times: (N,) [s], increasing; of the images that show it.
         positions: (N, 3) p_TM [m].
         rotations: (N, 4) unit quaternions w, x, y, z of the marker in T.
     """
@@ -87,17 +87,17 @@ def sighted_motion(
     cutoff: float = 2.0,
     longest_gap: float = 0.5,
 ) -> Demonstration:
-    """Makes a motion of a marker's sightings: smoothed, and at a constant step.
+    """Makes a motion from a marker's sightings: smoothed, at a constant time step.
 
-    The smoothing spline (see `Demonstration.smoothed`) takes the noise of the images out of it; the
-    cubic spline through what remains fills in between the images.
+    The smoothing spline (see `Demonstration.smoothed`) removes the noise of the images; a cubic
+    spline interpolates between them.
 
     Args:
         sightings: At least five.
         name: For messages.
         time_step: [s].
         cutoff: Frequency at which smoothing halves the amplitude [Hz].
-        longest_gap: Time without a sighting that may be filled in [s].
+        longest_gap: Longest time without a sighting [s].
 
     Raises:
         InputError: There are too few sightings, or too long a gap.

@@ -1,7 +1,7 @@
-"""The same formula for one hand or many: with floats where there is one, else with arrays.
+"""One formula for one hand or many: on floats for a single state, otherwise on arrays.
 
-A rollout among obstacles calculates with a few numbers at each step. For those numpy's functions
-take several times as long as Python's own.
+A rollout among obstacles computes with a few numbers at each step, for which numpy's functions take
+several times as long as Python's own.
 """
 
 import math
@@ -21,10 +21,10 @@ class Arithmetic(NamedTuple):
     """Vector arithmetic for arrays or floats.
 
     Attributes:
-        xp: Has exp, sqrt, minimum, maximum, of numbers.
-        vector: Makes a vector of an array (..., 3).
-        array: Makes an array (..., 3) of a vector.
-        dot: Product of two vectors.
+        xp: Namespace of exp, sqrt, minimum, maximum.
+        vector: Makes a vector from an array (..., 3).
+        array: Makes an array (..., 3) from a vector.
+        dot: Dot product of two vectors.
         plus: `plus(a, b, k)` is a + k b, with a number k.
         times: Vector times a number.
         anything: Whether any number is not zero.
@@ -65,5 +65,5 @@ _MANY = Arithmetic(
 
 
 def arithmetic(state: Array) -> Arithmetic:
-    """Returns the fastest way for states (2, 3), or (..., 2, 3)."""
+    """Returns the faster arithmetic for states (2, 3), or (..., 2, 3)."""
     return _ONE if state.ndim == 2 else _MANY

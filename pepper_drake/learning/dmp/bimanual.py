@@ -1,19 +1,19 @@
 """Two arms with one phase, whose relative pose is learned and held.
 
-The motion is told as that of the pair, in the manner of the cooperative task space (Chiacchio,
-Chiaverini, Siciliano, "Direct and inverse kinematics for coordinated motion tasks of a two-
-manipulator system", 1996): where the middle between the hands goes and how it turns, and the pose
-of the left hand relative to the right as seen from there. Both are movement primitives and run
-with the same phase, so whatever goal is given, the hands keep to each other what was shown.
+The motion is described in the cooperative task space (Chiacchio, Chiaverini, Siciliano, "Direct and
+inverse kinematics for coordinated motion tasks of a two-manipulator system", 1996): the position of
+the midpoint between the hands, the orientation of a frame A between them, and the left hand's pose
+relative to the right one's, in A. Both are movement primitives with the same phase, so the relative
+pose is as demonstrated for any goal.
 
-What pushes one hand is told as a deviation d of the middle and e of the left hand from the right:
+Obstacles cause deviations d of the midpoint and e of the left hand relative to the right:
 
     d'' = -w² d - 2 w d' + (a_left + a_right) / 2,    e'' = -h² e - 2 h e' + a_left - a_right,
 
-w = alpha_z / (2 tau), a the push of the obstacles. Seen from one arm's transformation system, the
+w = alpha_z / (2 tau), a the accelerations from obstacles. For one arm's transformation system the
 second is the coupling term C_left = -C_right = -tau² / 2 ((h² - w²) e + 2 (h - w) e'), which holds
-the relative position (as Gams, Nemec, Ijspeert, Ude, "Coupling Movement Primitives", IEEE
-Transactions on Robotics 30, 2014, do with a learned force); told this way it is solved exactly.
+the relative position (Gams, Nemec, Ijspeert, Ude, "Coupling Movement Primitives", IEEE Transactions
+on Robotics 30, 2014, use a learned force); in this form it is solved exactly.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ SIDES = np.array([0.5, -0.5])[:, None]
 """Positions of left and right hand, in units of the vector from right to left."""
 
 LONGEST = 10.0
-"""A motion that obstacles hold up ends after this many durations."""
+"""A rollout that obstacles delay ends after this many durations."""
 
 
 class HandPaths(NamedTuple):
-    """A rollout: both hands, sample by sample together."""
+    """A rollout of both hands, at the same times."""
 
     left: Path3D
     right: Path3D
@@ -62,10 +62,10 @@ class BimanualPrimitive:
     """A motion of both hands.
 
     Attributes:
-        absolute: Of the middle between the hands, and of the frame A that turns with them.
-        relative: Position of the left hand from the right in A, and its orientation from the
-            right's.
-        hold_rate: h [1/s]: how stiffly the relative position is held against a push.
+        absolute: Of the midpoint between the hands, and of the frame A that turns with them.
+        relative: Position of the left hand from the right in A, and orientation relative to the
+            right hand.
+        hold_rate: h [1/s], the stiffness of the relative position against disturbances.
     """
 
     absolute: MovementPrimitive
@@ -94,7 +94,7 @@ class BimanualPrimitive:
             hold_rate: See the class.
 
         Raises:
-            InputError: The motions last differently long, or a number is out of range.
+            InputError: The durations differ, or a number is out of range.
         """
         if abs(left.duration - right.duration) > 0.02 * left.duration:
             raise InputError(
@@ -104,7 +104,7 @@ class BimanualPrimitive:
         if not hold_rate > 0:
             raise InputError(f"hold_rate: {hold_rate} is not positive")
         samples = max(len(left.times), len(right.times))
-        absolute, relative = _told_as_pair(*align([left, right], num_samples=samples))
+        absolute, relative = _to_pair(*align([left, right], num_samples=samples))
         return cls(
             MovementPrimitive.fit(absolute, approximator, num_basis, check=False),
             MovementPrimitive.fit(relative, approximator, num_basis, check=False),
@@ -127,29 +127,29 @@ class BimanualPrimitive:
 
         Args:
             time_step: Between samples [s].
-            goal: (3,) of the middle between the hands [m]; as shown if left out.
-            goal_rotation: (4,) unit quaternion of A at the end; as shown if left out.
-            start: (3,) of the middle between the hands [m]; as shown if left out.
-            duration: tau [s]; as shown if left out.
-            obstacles: (P, 3) points [m], or a field made of them.
+            goal: (3,) of the midpoint between the hands [m]; as demonstrated if left out.
+            goal_rotation: (4,) unit quaternion of A at the end; as demonstrated if left out.
+            start: (3,) of the midpoint between the hands [m]; as demonstrated if left out.
+            duration: tau [s]; as demonstrated if left out.
+            obstacles: (P, 3) points [m], or a distance field of them.
             coupling: As in `MovementPrimitive.rollout`.
-            settle: How long to go on after the motion's end, in tau.
+            settle: Time to continue after the motion's end, in tau.
 
         Returns:
             The paths of both hands. Near obstacles both slow down together.
 
         Raises:
-            InputError: As `MovementPrimitive.rollout`.
+            InputError: As in `MovementPrimitive.rollout`.
         """
         absolute = self.absolute.rollout(
             time_step, start, goal, duration, goal_rotation=goal_rotation, settle=settle
         )
         relative = self.relative.rollout(time_step, duration=duration, settle=settle)
-        nominal = _told_as_hands(absolute, relative)
+        nominal = _to_hands(absolute, relative)
         chosen, field = coupling_and_field(coupling, obstacles)
         if chosen is None or field is None:
             return nominal
-        return self._among(nominal, field, chosen, time_step)
+        return self._rollout_among(nominal, field, chosen, time_step)
 
     def save(self, folder: str | Path) -> None:
         """Writes `absolute.yaml`, `relative.yaml` and `pair.yaml` into a folder."""
@@ -179,10 +179,10 @@ class BimanualPrimitive:
             float(hold_rate),
         )
 
-    def _among(
+    def _rollout_among(
         self, nominal: HandPaths, field: PointCloudDistance, coupling: Coupling, time_step: float
     ) -> HandPaths:
-        """Performs nominal motions among obstacles, on one clock that obstacles slow down."""
+        """Integrates nominal motions among obstacles, with a common clock that these slow down."""
         times = nominal.left.times
         tau, end = float(nominal.left.taus[0]), float(times[-1])
         path = make_interp_spline(times, _both(nominal, "positions"), k=5, axis=1)
@@ -191,7 +191,7 @@ class BimanualPrimitive:
         clearances = [coupling.clearance(field, goal) for goal in goals]
         w, h = self.absolute.translation.alpha_z / (2 * tau), self.hold_rate
         steps = [make_step(1.0, time_step, 2 * rate) for rate in (w, h)]
-        deviations = np.zeros((2, 2, 3))  # Of the middle, and of left from right.
+        deviations = np.zeros((2, 2, 3))  # Of the midpoint, and of left from right.
         rest = np.zeros((2, 3))
         clock, slowdown = 0.0, 0.0
         log = []
@@ -231,7 +231,7 @@ def _both(paths: HandPaths, name: str) -> Array:
     return np.stack((getattr(paths.left, name), getattr(paths.right, name)))
 
 
-def _told_as_pair(left: Demonstration, right: Demonstration) -> tuple[Demonstration, Demonstration]:
+def _to_pair(left: Demonstration, right: Demonstration) -> tuple[Demonstration, Demonstration]:
     """Returns the absolute and the relative motion of two motions at the same times."""
     gap = left.positions - right.positions
     if left.rotations is None or right.rotations is None:
@@ -269,12 +269,12 @@ def _told_as_pair(left: Demonstration, right: Demonstration) -> tuple[Demonstrat
 
 
 def _rotated(quaternions: Array, vectors: Array) -> Array:
-    """Returns vectors (N, 3) turned by unit quaternions (N, 4)."""
+    """Returns vectors (N, 3) rotated by unit quaternions (N, 4)."""
     pure = np.concatenate((np.zeros((len(vectors), 1)), vectors), axis=1)
     return so3.multiply(so3.multiply(quaternions, pure), so3.conjugate(quaternions))[:, 1:]
 
 
-def _told_as_hands(absolute: Path3D, relative: Path3D) -> HandPaths:
+def _to_hands(absolute: Path3D, relative: Path3D) -> HandPaths:
     """Returns the paths of the hands: p = c +- R_A r / 2, R = R_A exp(+- phi / 2)."""
     times = absolute.times
     frame, turn = absolute.rotations, relative.rotations
@@ -317,7 +317,7 @@ def _logged(
     tau: float,
     time_step: float,
 ) -> HandPaths:
-    """Returns the paths that were logged, with the nominal orientations at their clock."""
+    """Returns the logged paths, with the nominal orientations at the logged clock."""
     clocks, states, accelerations, pushes, distances = (
         np.array(column) for column in zip(*log, strict=True)
     )

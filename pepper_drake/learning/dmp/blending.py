@@ -1,4 +1,4 @@
-"""Quintic corrections near the ends of a movement, and how long they may take."""
+"""Quintic corrections near the ends of a movement, and their duration."""
 
 import numpy as np
 import numpy.typing as npt
@@ -6,16 +6,16 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 _KEPT = 0.0015
-"""Mean distance over a movement (equation 4.1) by which an end may be led away from its shape; the
-time for it is shorter where the distance would be larger [m], ..."""
+"""Largest mean distance over a movement (equation 4.1) between the corrected and the learned path
+[m]; the correction is shortened to stay below it, ..."""
 
 LEAST_ACCELERATION = 2.0
 """... as long as that takes no more acceleration than this, or than the movement's own largest
-[m/s²]. Where it does, the join asks for more: a movement that was taught to end at 1 m/s and is to
-stop leaves its shape by 15 mm."""
+[m/s²]. Then the distance is exceeded: a movement demonstrated to end at 1 m/s that must stop leaves
+its path by 15 mm."""
 
 _SHARES = np.array([1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.3, 0.25])
-"""Shares of the longest time that are tried, the longest first."""
+"""Shares of the longest duration that are tried."""
 
 # 1 - 10 u^3 + 15 u^4 - 6 u^5 and so on: the Hermite basis of the fifth degree.
 _HERMITE = np.array(
@@ -29,7 +29,7 @@ _QUINTICS = tuple(
     np.pad(np.polynomial.polynomial.polyder(_HERMITE, order, axis=1), ((0, 0), (0, order)))
     for order in range(3)
 )
-"""Its coefficients, and those of its first and second derivatives."""
+"""Coefficients of the basis, and of its first and second derivatives."""
 
 
 def from_end(u: Array, wanted: Array) -> Array:
@@ -42,21 +42,21 @@ def from_end(u: Array, wanted: Array) -> Array:
 
 
 def powers(width: float) -> Array:
-    """Returns what derivatives by time are multiplied with for derivatives by time / width."""
+    """Returns factors (3, 1) that turn derivatives by time into those by time / width."""
     return np.array([[1.0], [width], [width * width]])
 
 
 def blend_width(wanted: Array, tau: float, longest: float, most: float) -> float:
-    """Returns the time in which an end is led over, as long as the movement keeps its shape.
+    """Returns the duration of an end's correction [s], the longest that keeps the movement's shape.
 
-    The mean of a quintic of `from_end` is 1/2, 1/10 and 1/120 of the value, slope and curvature
-    that it begins with; its second derivative is at most 5.78 and 3.95 times the first two.
+    The mean of a quintic of `from_end` is 1/2, 1/10 and 1/120 of its initial value, slope and
+    curvature; its second derivative is at most 5.78 and 3.95 times the first two.
 
     Args:
-        wanted: (3, D) value, velocity and acceleration that the correction begins with.
+        wanted: (3, D) initial value, velocity and acceleration of the correction.
         tau: The movement's duration [s].
-        longest: At most this [s].
-        most: Acceleration of the correction that is not exceeded [m/s²].
+        longest: Upper bound [s].
+        most: Largest acceleration of the correction [m/s²].
     """
     offset, slope, curve = np.sqrt(np.sum(wanted * wanted, axis=1))
     widths = longest * _SHARES

@@ -1,19 +1,19 @@
-"""Movements in sequence: each begins where, and with the velocity with which, the last one ended.
+"""Movements in sequence: each begins with the position and velocity with which the last one ended.
 
-A movement's own motion y_r comes from its primitive, between its start and its goal. What the
-joins ask for is added as a smooth correction h, quintic polynomials of the time near the ends that
-meet position, velocity and acceleration exactly:
+A movement's own motion y_r comes from its primitive, between its start and its goal. The joins add
+a smooth correction h, quintic polynomials of time near the ends that meet position, velocity and
+acceleration exactly:
 
     y = y_r + h,    h(0) = 0, h'(0) = v_0 - y_r'(0), h(T) = g - y_r(T), h'(T) = v_T - y_r'(T),
 
 which is the same transformation system with the forcing term h'' + alpha_z (h' + alpha_z / 4 h)
 added in relative time. Away from the joins the motion is the primitive's. At a join without a stop
-the hand passes the goal with v_T, the harmonic mean of both movements' mean velocities in each
-coordinate in which they go the same way, and zero in others (as PCHIP chooses slopes), so that
-nothing overshoots. Kober, Muelling, Kroemer, Lampert, Schoelkopf, Peters 2010 ("Movement templates
-for learning of hitting and batting", DOI 10.1109/ROBOT.2010.5509672) let a primitive pass its goal
-with a velocity by a moving target; the correction here does it without changing the rest of the
-motion. Saveriano, Franzel, Lee 2019 (DOI 10.1109/ICRA.2019.8793786) compare ways of joining.
+the hand passes the goal with v_T: in each coordinate the harmonic mean of both movements' mean
+velocities if these have the same sign, otherwise zero (PCHIP's slopes), so that nothing overshoots.
+Kober, Muelling, Kroemer, Lampert, Schoelkopf, Peters 2010 ("Movement templates for learning of
+hitting and batting", DOI 10.1109/ROBOT.2010.5509672) use a moving target for a velocity at the
+goal; the correction here leaves the rest of the motion unchanged. Saveriano, Franzel, Lee 2019
+(DOI 10.1109/ICRA.2019.8793786) compare methods of joining.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from pepper_drake.short_repr import short_repr
 Array = npt.NDArray[np.float64]
 
 BLEND = 0.8
-"""Longest time at either end of a movement in which its velocity is led over to the join's [s]."""
+"""Longest time at either end of a movement in which it is blended to the join's velocity [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +49,11 @@ class Step:
     """One movement of a sequence.
 
     Attributes:
-        primitive: What is performed; None waits at the place for `duration`.
+        primitive: The movement; None waits in place for `duration`.
         goal: (3,) where it ends [m]; the demonstration's goal if left out.
-        relative: The goal left out is the demonstration's displacement from where it starts.
+        relative: Without a goal, the demonstration's displacement is applied from the start.
         duration: [s]; the demonstration's if left out.
-        stop: It ends at rest.
+        stop: Whether it ends at rest.
         goal_rotation: (4,) unit quaternion; the demonstration's last if left out.
         via: Points to pass: share of the duration, in (0, 1), and position (3,) [m].
     """
@@ -71,7 +71,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """One movement as planned: N samples, from time 0 of its own.
+    """One planned movement: N samples, from its own time 0.
 
     Attributes:
         times: (N,) [s].
@@ -113,7 +113,7 @@ class Chain:
 
     @property
     def joins(self) -> Array:
-        """(L,) times at which a movement ends [s]."""
+        """(L,) end times of the movements [s]."""
         return np.cumsum([leg.duration for leg in self.legs])
 
     @property
@@ -150,13 +150,13 @@ class Chain:
     def replanned(self, time: float, leg: int, goal: npt.ArrayLike) -> Chain:
         """Returns the sequence with another goal of a movement, from a time on.
 
-        What was performed until then stays; position, velocity and acceleration do not jump. Legs
-        after the moved goal are planned anew from there.
+        The motion until then stays; position, velocity and acceleration do not jump. Legs after the
+        moved goal are replanned from there.
 
         Args:
-            time: Now [s], since the sequence began.
+            time: Current time [s], since the sequence began.
             leg: Number of the movement whose goal moved, from 0; not over yet.
-            goal: (3,) where it is now [m].
+            goal: (3,) its new position [m].
 
         Raises:
             InputError: The movement is over, or does not exist.
@@ -181,16 +181,16 @@ class Chain:
                 self.blend,
             )
         else:
-            legs[leg] = _bent(own, max(begun, 0.0), target, moved, self.blend, self.time_step)
-        return replace(self, legs=tuple(legs))._followed_from(leg + 1)
+            legs[leg] = _retargeted(own, max(begun, 0.0), target, moved, self.blend, self.time_step)
+        return replace(self, legs=tuple(legs))._replanned_from(leg + 1)
 
     def _begin(self, leg: int) -> tuple[Array, Array, Array]:
         """Returns position, velocity and acceleration with which a leg begins."""
         own = self.legs[leg]
         return own.positions[0], own.velocities[0], own.accelerations[0]
 
-    def _followed_from(self, leg: int) -> Chain:
-        """Returns the sequence with the legs from one on beginning where the last ones end.
+    def _replanned_from(self, leg: int) -> Chain:
+        """Returns the sequence with the legs from `leg` on replanned, one from another's end.
 
         The first one with a goal of its own is the last that changes.
         """
@@ -218,7 +218,7 @@ class Chain:
 
 
 def _is_shifted(own: Leg, before: Leg) -> bool:
-    """Tells whether a leg is the same motion from another place, given the leg before it."""
+    """Tells whether a leg, given the one before it, is the same motion from another start."""
     step = own.step
     follows = step.goal is None and (step.primitive is None or step.relative) and not step.via
     pairs = [
@@ -243,7 +243,7 @@ def plan_chain(
 
     Args:
         steps: The movements, in order.
-        start: (3,) where the hand is [m]; the first demonstration's start if left out.
+        start: (3,) initial position of the hand [m]; the first demonstration's start if left out.
         start_velocity: (3,) [m/s].
         start_rotation: (4,) unit quaternion; the first demonstration's if left out.
         time_step: Between samples [s].
@@ -260,7 +260,7 @@ def plan_chain(
         raise InputError("a sequence of nothing but waiting: give it a movement")
     begin = vector(start, first.start, 3, "start")
     position, velocity = begin, vector(start_velocity, np.zeros(3), 3, "start_velocity")
-    ends = _places(steps, position)
+    ends = _step_ends(steps, position)
     passing = _passing_velocities(steps, [position, *ends])
     acceleration = np.zeros(3)
     rotation = None
@@ -277,7 +277,7 @@ def plan_chain(
     return Chain(tuple(legs), time_step, blend)
 
 
-def _places(steps: Sequence[Step], start: Array) -> list[Array]:
+def _step_ends(steps: Sequence[Step], start: Array) -> list[Array]:
     """Returns where each step ends, (3,)."""
     places, here = [], start
     for number, step in enumerate(steps, start=1):
@@ -372,14 +372,16 @@ def _leg(
     v = v + ahead[1] / first - back[1] / last
     a = a + ahead[2] / first**2 + back[2] / last**2
     if step.via:
-        p, v, a = _through(step, times, p, v, a)
+        p, v, a = _through_via_points(step, times, p, v, a)
     if rotations is not None and rates is not None:
-        rotations = _turned(step, rotations, rates, start_rotation, times, width)
+        rotations = _blended_rotations(step, rotations, rates, start_rotation, times, width)
     return Leg(times, p, v, a, rotations, step)
 
 
-def _through(step: Step, times: Array, p: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-    """Adds the quintic spline that leads through the via points and is nothing at both ends."""
+def _through_via_points(
+    step: Step, times: Array, p: Array, v: Array, a: Array
+) -> tuple[Array, Array, Array]:
+    """Adds the quintic spline that passes the via points and vanishes at both ends."""
     tau = float(times[-1])
     shares = [float(share) for share, _ in step.via]
     if not all(0.0 < share < 1.0 for share in shares) or sorted(set(shares)) != shares:
@@ -402,7 +404,7 @@ def _through(step: Step, times: Array, p: Array, v: Array, a: Array) -> tuple[Ar
     )
 
 
-def _turned(
+def _blended_rotations(
     step: Step,
     rotations: Array,
     rates: Array,
@@ -410,7 +412,7 @@ def _turned(
     times: Array,
     width: float,
 ) -> Array:
-    """Returns the orientations with rest at both ends, the start as it is, the goal as wanted."""
+    """Returns the orientations blended to rest at both ends, the given start and the goal."""
     tau = float(times[-1])
     begin = rotations[0] if start_rotation is None else start_rotation
     end = rotations[-1]
@@ -425,10 +427,12 @@ def _turned(
     return so3.make_continuous(so3.multiply(so3.exp_map(h), rotations))
 
 
-def _bent(own: Leg, begun: float, goal: Array, step: Step, blend: float, time_step: float) -> Leg:
-    """Returns a leg that is led over to another goal from a time on, by a quintic.
+def _retargeted(
+    own: Leg, begun: float, goal: Array, step: Step, blend: float, time_step: float
+) -> Leg:
+    """Returns a leg blended to another goal from a time on, by a quintic.
 
-    Where less than `blend` is left, the leg takes that much longer.
+    With less than `blend` left, the leg takes that much longer.
     """
     times, tau = own.times, own.duration
     k = int(np.searchsorted(times, begun + 1e-9))
@@ -436,7 +440,7 @@ def _bent(own: Leg, begun: float, goal: Array, step: Step, blend: float, time_st
     left = tau - float(times[k])
     shift = goal - own.positions[-1]
     if left < blend:
-        # From the state that there is to the new goal, in `blend` seconds.
+        # From the current state to the new goal, in `blend` seconds.
         count = max(2, round(blend / time_step))
         u = np.linspace(0.0, 1.0, count + 1)
         state = np.stack((own.positions[k] - goal, own.velocities[k], own.accelerations[k]))

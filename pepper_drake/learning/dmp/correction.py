@@ -1,7 +1,7 @@
-"""Correction of a primitive by pushes of a tutor during its reproduction.
+"""Correction of a primitive by a tutor's pushes during its reproduction.
 
-Where the hand was pushed away from the primitive's own path it is taken at its word; everywhere
-else, at the start and at the goal, the primitive stays as it is.
+Where the hand was pushed off the primitive's path, the new path is followed; everywhere else, and
+at the start and the goal, the primitive stays unchanged.
 """
 
 from dataclasses import dataclass, replace
@@ -27,11 +27,11 @@ class ReproducedMotion:
 
     Attributes:
         times: (N,) [s], increasing.
-        phases: (N,) of the canonical system, 1 until the motion began, then falling.
+        phases: (N,) of the canonical system, 1 until the motion begins, then falling.
         positions: (N, 3) of the hand in T, as measured [m].
         rotations: (N, 4) unit quaternions w, x, y, z of the hand in T.
         joints: (N, J) measured [rad], in the order of the primitive's posture.
-        goal: (3,) where the hand was to go, in T [m].
+        goal: (3,) of the motion, in T [m].
     """
 
     times: Array
@@ -47,8 +47,8 @@ class Correction:
     """A corrected motion.
 
     Attributes:
-        demonstration: The primitive's own motion with what was corrected.
-        primitive: Learned of it.
+        demonstration: The primitive's own motion with the corrections.
+        primitive: Learned from it.
         deviation: Farthest distance of the hand from the primitive's path [m].
     """
 
@@ -62,22 +62,22 @@ def learn_correction(
 ) -> Correction:
     """Learns a primitive from a reproduction in which the hand was pushed.
 
-    At each moment t of the reproduction the phase names the point of the primitive's path where
-    the hand should have been, r(s(t)). The deviation d(t) = p(t) - r(s(t)) counts fully from
-    `threshold` on, not at all below half of it, and not at the motion's two ends. The
-    corrected motion is the primitive's own, from its own start to its own goal, plus what counts,
+    The phase at each time t of the reproduction gives the point r(s(t)) of the primitive's path
+    where the hand should have been. The deviation d(t) = p(t) - r(s(t)) counts fully from
+    `threshold` on, not at all below half of it, and not at the two ends of the motion. The
+    corrected motion is the primitive's own, from its own start to its own goal, plus the weighted
+    deviation,
 
         p*(t) = r*(s(t)) + w(t) d(t),
 
-    in the times of the reproduction: where the phase waited for the hand the new motion is slow as
-    well. Its duration grows with its length, as each metre takes the time that the
-    primitive takes for one. Orientation and joints are corrected with the same weights. The
-    new primitive is fitted as the old one was.
+    in the times of the reproduction: where the phase waited for the hand, the new motion is slow as
+    well. The duration grows in proportion to the path length. Orientation and joints are corrected
+    with the same weights. The new primitive is fitted with the old one's settings.
 
     Args:
-        primitive: What was performed, with orientation and posture.
-        motion: What the arm did.
-        threshold: Deviation that is meant [m]; less is how the arm follows.
+        primitive: The performed primitive, with orientation and posture.
+        motion: The reproduction.
+        threshold: Smallest intended deviation [m]; a smaller one is tracking error.
 
     Raises:
         InputError: The hand was never that far from its path, or the reproduction is too short.
@@ -142,7 +142,7 @@ def learn_correction(
 
 
 def _moving(phases: Array, primitive: MovementPrimitive) -> npt.NDArray[np.bool_]:
-    """Which samples belong to the motion: the last at rest, and all to its nominal end."""
+    """Marks the samples of the motion: from the last at rest to its nominal end."""
     end = primitive.phase_at([primitive.duration])[0]
     moving = (phases < 1.0) & (phases >= end)
     first = int(np.argmax(moving))

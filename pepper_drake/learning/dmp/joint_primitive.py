@@ -1,4 +1,4 @@
-"""Movement primitives in joint space: any number of joints, without a hand in between."""
+"""Movement primitives in joint space, of any number of joints."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -46,15 +46,15 @@ Array = npt.NDArray[np.float64]
 
 _FEWEST = 4
 FIT_TOLERANCE = 0.02
-"""Deviation [rad] of a fit above which, if the number of basis functions is left open, it is
-doubled."""
+"""Deviation [rad] of a fit above which the number of basis functions is doubled, if it is left
+open."""
 
 
 def is_joint_primitive(path: str | Path) -> bool:
-    """Tells whether a file is a primitive of joints.
+    """Tells whether a file holds a joint-space primitive.
 
     Raises:
-        InputError: The file cannot be read as a primitive's.
+        InputError: The file cannot be read as a primitive.
     """
     from pepper_drake.learning.dmp.primitive_files import read_fields
 
@@ -82,10 +82,10 @@ class JointPath:
 
 @dataclass(frozen=True, eq=False)
 class JointPrimitive:
-    """A motion of J joints, each a transformation system, in step.
+    """A motion of J joints, transformation systems with a common phase.
 
     Attributes:
-        names: J joint names, as NAOqi has them.
+        names: J joint names, as in NAOqi.
         transformation: The transformation system of the joints.
         duration: Of the demonstration [s].
         approximator: The approximator's name.
@@ -114,17 +114,17 @@ class JointPrimitive:
         seed: int = 0,
         name: str = "primitive",
     ) -> Self:
-        """Learns the motion of some joints.
+        """Learns a motion of joints.
 
         Args:
             times: (N,) [s], increasing.
             joints: (N, J) [rad].
             names: J names.
             approximator: How the forcing term is learned; see `approximator_names`.
-            num_basis: Number of basis functions. Left out, it follows the data: 40; no more than
-                there are samples; twice or more as many where the motion would leave what was shown
-                by more than `FIT_TOLERANCE`.
-            scaling: How it adapts to start and goal; see `scaling`.
+            num_basis: Number of basis functions. Left out, it follows the data: 40, at most the
+                number of samples, doubled while the motion deviates from the demonstration by more
+                than `FIT_TOLERANCE`.
+            scaling: How the motion adapts to start and goal; see `scaling`.
             alpha_z: Constant of the spring.
             seed: For approximators with random starts.
             name: For messages.
@@ -150,16 +150,16 @@ class JointPrimitive:
         v, a, _ = interpolant(t, q)
         kept = evenly_chosen(len(t), MOST_SAMPLES)
         t, q, v, a = t[kept], q[kept], v[kept], a[kept]
-        way = hermite(t, q, v)
-        if strays(t, q, way):
-            way = careful(t, q)
+        curve = hermite(t, q, v)
+        if strays(t, q, curve):
+            curve = careful(t, q)
 
         def learn(number: int) -> TransformationModel:
             shown, joints, rates, curvatures = t, q, v, a
             filled = fill_times(t, longest_step(t, number))
             if len(filled) > len(t):
-                shown, joints = filled, way(filled)
-                rates, curvatures = way.derivative(1)(filled), way.derivative(2)(filled)
+                shown, joints = filled, curve(filled)
+                rates, curvatures = curve.derivative(1)(filled), curve.derivative(2)(filled)
             sample = MotionSample(
                 (shown - t[0]) / duration, joints, rates * duration, curvatures * duration**2
             )
@@ -169,7 +169,7 @@ class JointPrimitive:
             shown = fill_times(t, duration / COMPARED)
             path = cls(tuple(names), model, duration).rollout(duration / COMPARED)
             own = hermite(path.times, path.joints, path.velocities)(shown - t[0])
-            return float(np.abs(own - way(shown)).max())
+            return float(np.abs(own - curve(shown)).max())
 
         if num_basis is None:
             model = choose_num_basis(len(t), learn, deviation, FIT_TOLERANCE)
@@ -182,7 +182,7 @@ class JointPrimitive:
         """Learns the joints of a demonstration; options as in `fit`.
 
         Raises:
-            InputError: It has none.
+            InputError: It has no joints.
         """
         if demonstration.joints is None:
             raise InputError(f"{demonstration.name}: no joints in it; record them, too")
@@ -247,7 +247,7 @@ class JointPrimitive:
         """Returns the motion of the hand, by forward kinematics, with the arm's five joints.
 
         Args:
-            others: Positions [rad] of the arm's joints that the primitive does not move.
+            others: Positions [rad] of the arm's other joints, which are held.
             time_step: [s].
 
         Raises:
@@ -309,7 +309,7 @@ class JointPrimitive:
         """Reads a primitive.
 
         Raises:
-            InputError: With file, field and how to mend it.
+            InputError: With file, field and what to do.
         """
         from pepper_drake.learning.dmp.primitive_check import check_joint_movement
         from pepper_drake.learning.dmp.primitive_files import (

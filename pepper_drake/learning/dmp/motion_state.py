@@ -1,4 +1,4 @@
-"""State of a translation in progress, and its step: what the TransformationSystem computes."""
+"""State of a translation in progress and its integration step, for the TransformationSystem."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -23,34 +23,34 @@ def start_state(start: Any, goal: Any, velocity: Any = None) -> Any:
     """Returns the state (15,) of a motion that starts now.
 
     Args:
-        start: (3,) where it starts [m].
-        goal: (3,) where it goes to [m].
-        velocity: (3,) with which it starts [m/s]; None means from rest.
+        start: (3,) initial position [m].
+        goal: (3,) goal position [m].
+        velocity: (3,) initial velocity [m/s]; None means at rest.
     """
     velocity = np.zeros(3) if velocity is None else velocity
     return np.concatenate((start, velocity, goal, goal, start))
 
 
 def state_started_anew(state: Any, goal: Any, slowed: Any = 1.0) -> Any:
-    """Returns the state (15,) of a motion that starts within another one's motion.
+    """Returns the state (15,) of a motion that starts during another one.
 
     Args:
-        state: (15,) of the other one.
-        goal: (3,) where it goes to [m].
-        slowed: How many times as fast it is performed as the other one was: its velocity is that of
-            the hand.
+        state: (15,) of the motion so far.
+        goal: (3,) of the new motion [m].
+        slowed: Speed factor of the new motion; the velocity is divided by it, so that the hand's
+            velocity is continuous.
     """
     return np.concatenate((state[POSITION], state[VELOCITY] / slowed, goal, goal, state[POSITION]))
 
 
 @dataclass(frozen=True)
 class MotionNow:
-    """A motion at one time. The values are floats, or a Drake scalar type.
+    """A motion at one time. Its values are floats or a Drake scalar type.
 
     Attributes:
         attractor: The primitive's transformation system.
         state: (15,) see `POSITION`.
-        goal: The goal as it is seen now.
+        goal: The current goal.
         forcing: The forcing term.
         phase: Of the canonical system.
         tau: [s].
@@ -75,10 +75,10 @@ class MotionNow:
 
         Args:
             time_step: [s].
-            phase_velocity: x' [1/s], for the step's length.
+            phase_velocity: x' [1/s], held over the step.
             coupling: (3,) C_t [m], held over the step.
-            speed: The share of its speed at which the motion is performed, from 0 to 1: its own
-                time passes so much more slowly, along the same path.
+            speed: Speed factor from 0 to 1: the motion's own time passes that much more slowly,
+                along the same path.
         """
         time_step = speed * time_step
         decay = -phase_velocity / (speed * self.phase) if speed * self.phase > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""The number of basis functions of a fit, and of the samples that each of them needs."""
+"""The number of basis functions of a fit, and the number of samples that each needs."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -9,25 +9,25 @@ import numpy.typing as npt
 T = TypeVar("T")
 
 DEFAULT_NUM_BASIS = 40
-"""Basis functions where the data do not ask for another number: some seconds of arm movement."""
+"""Default number of basis functions, for some seconds of arm movement."""
 
 _FEWEST_NUM_BASIS, _MOST_NUM_BASIS = 8, 320
 
 _FEWEST_EACH, _FILLED_EACH = 2, 6
-"""Samples for each basis function below which the motion between is filled in, and then so densely:
-with two that are made up, the last basis functions are weighted beyond measure."""
+"""With fewer samples per basis function than the first, samples are interpolated to the density of
+the second: with only two interpolated ones, the weights of the last basis functions diverge."""
 
 MOST_SAMPLES = 6000
-"""Samples that a fit takes at most."""
+"""Largest number of samples of a fit."""
 COMPARED = 400
-"""Places along a motion at which a fit is compared with what was shown."""
+"""Number of points at which a fit is compared with its demonstration."""
 
 
 def longest_step(times: npt.NDArray[np.float64], num_basis: int) -> float:
-    """Returns the longest time between samples with which a number of basis functions is fitted.
+    """Returns the longest time between samples with which so many basis functions are fitted.
 
     Args:
-        times: (N,) of the samples that there are [s].
+        times: (N,) of the recorded samples [s].
         num_basis: Number of basis functions.
     """
     share = float(times[-1] - times[0]) / max(num_basis, 1)
@@ -38,16 +38,16 @@ def longest_step(times: npt.NDArray[np.float64], num_basis: int) -> float:
 def choose_num_basis(
     samples: int, learn: Callable[[int], T], deviation: Callable[[T], float], tolerance: float
 ) -> T:
-    """Returns what was learned with a number of basis functions that follows the data.
+    """Returns the result of learning with a number of basis functions that suits the data.
 
     Args:
         samples: Number of samples.
         learn: Learns with a number of basis functions.
-        deviation: How far what was learned leaves what was shown.
+        deviation: Deviation of a learned motion from the demonstration.
         tolerance: Deviation above which the number is doubled.
     """
     number = min(DEFAULT_NUM_BASIS, max(_FEWEST_NUM_BASIS, samples - 1))
-    # Seconds at the usual rates are known to be reproduced by the usual number.
+    # For some seconds at usual rates the default number is known to suffice.
     usual = 2 * DEFAULT_NUM_BASIS <= samples < 8 * DEFAULT_NUM_BASIS
     while True:
         learned = learn(number)

@@ -1,14 +1,14 @@
-"""Orientation primitives: an attractor in three coordinates, through the logarithm map or angles.
+"""Orientation primitives: an attractor in three coordinates, of the log map or of angles.
 
 `log_map`: the state is e = 2 log(q * conj(g)), the rotation vector from the goal g to the hand's
 orientation q, in the frame T. It goes to zero, and the transformation system of the translation
 applies to it unchanged, exact solution included (Koutras and Doulgeris 2020, a correct formulation
 for the orientation dynamic movement primitives, proceedings.mlr.press/v100/koutras20a). The
-angular velocity is omega = J(e) e', J the left Jacobian of the exponential map. e is followed
+angular velocity is omega = J(e) e', J the left Jacobian of the exponential map. e is tracked
 continuously, so that a motion may turn by more than half a turn.
 
-`angles`: the report's way. Roll, pitch and yaw are three independent coordinates and their goal
-is that of the goal's orientation; near a pitch of 90 degrees it fails, as all such angles do.
+`angles`: as in the report. Roll, pitch and yaw are three independent coordinates and their goal
+are those of the goal's orientation; near a pitch of 90 degrees they are singular.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ Array = npt.NDArray[np.float64]
 ORIENTATIONS = ("log_map", "angles")
 
 TURN_THRESHOLD = 1e-3
-"""A goal counts as turned when it is further than this from what the spring sees [rad]."""
+"""The spring's goal turns while it is further than this from the given goal [rad]."""
 
 
 class OrientationState(NamedTuple):
@@ -41,8 +41,8 @@ class OrientationState(NamedTuple):
 
     Attributes:
         coordinates: (2, 3) coordinates and their rates.
-        start: (3,) coordinates with which the motion started.
-        goal: (4,) unit quaternion that the spring sees.
+        start: (3,) coordinates at the start of the motion.
+        goal: (4,) unit quaternion, the current goal of the spring.
     """
 
     coordinates: Array
@@ -67,7 +67,7 @@ class OrientationAttractor:
     goal: Array
 
     def goal_coordinates(self, goal: Array) -> Array:
-        """Returns the goal (3,) of the coordinates: zero, or the angles nearest to those shown."""
+        """Returns the goal (3,) of the coordinates: zero, or the angles nearest the taught ones."""
         if self.mode == "log_map":
             return np.zeros(3)
         return _nearest_angles(so3.to_angles(goal), self.attractor.frame.goal)
@@ -124,9 +124,9 @@ class OrientationAttractor:
     def started_anew(
         self, state: OrientationState, goal: Array, slowed: float = 1.0
     ) -> OrientationState:
-        """Returns the state of a motion to a goal (4,) that starts with what moves already.
+        """Returns the state of a motion to a goal (4,) that starts from the state of another one.
 
-        It is performed `slowed` times as fast as the other one was.
+        It runs `slowed` times as fast as that; the angular velocity is continuous.
         """
         goal = so3.normalize(goal)
         moved = self._retargeted(state.coordinates, state.goal, goal)
@@ -156,7 +156,7 @@ class OrientationAttractor:
     ) -> OrientationState:
         """Returns the state one step later; see `TransformationModel.advance`.
 
-        The goal that the spring sees turns towards `goal` (4,) at the attractor's `goal_rate`,
+        The goal of the spring turns towards `goal` (4,) at the attractor's `goal_rate`,
         until it is within `TURN_THRESHOLD` of it.
         """
         goal = so3.normalize(goal)

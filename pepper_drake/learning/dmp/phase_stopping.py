@@ -1,12 +1,12 @@
 """Phase stopping: a movement slows down when the hand is held or pushed.
 
-Ijspeert et al. 2013, section 2.4, doi:10.1162/NECO_a_00393: with y the position that the primitive
-wants, y_a the one that the hand has,
+Ijspeert et al. 2013, section 2.4, doi:10.1162/NECO_a_00393: with y the primitive's desired position
+and y_a the hand's actual one,
 
     e' = alpha_e (y_a - y - e),   slowdown = k_c |e|²,   C_t = k_t e.
 
-The slowdown makes the phase wait for the hand; C_t takes the desired position along with it, so
-that it does not run away from a hand that is held and nothing jumps when it is let go.
+The slowdown makes the phase wait for the hand; C_t moves the desired position along, so that it
+does not run away from a hand that is held, and nothing jumps when the hand is released.
 """
 
 from dataclasses import dataclass
@@ -19,27 +19,27 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(unsafe_hash=True)
 class PhaseStopping:
-    """The constants.
+    """Constants of phase stopping.
 
     With the defaults and the spring of a primitive, alpha_z beta_z = 156, a hand held 3 cm off
-    takes the desired position 3 cm * 300 / 156 = 6 cm along, and slows the phase to a tenth.
+    moves the desired position by 3 cm * 300 / 156 = 6 cm, and slows the phase to a tenth.
     """
 
     rate: float = 15.0
-    """alpha_e, how fast the error is taken in [1/s]."""
+    """alpha_e, rate of the low-pass filter of the error [1/s]."""
     stopping: float = 3e3
-    """k_c, how much the phase waits [1/m²]."""
+    """k_c, gain of the slowdown [1/m²]."""
     pull: float = 300.0
-    """k_t, how much the desired position goes along."""
+    """k_t, gain of the coupling term."""
     ignored: float = 0.005
-    """Error that is none [m]: a compliant arm is this far behind when nothing pushes it."""
+    """Dead zone of the error [m]: the tracking error of a compliant arm that nothing pushes."""
 
     def error_after(self, error: Array, deviation: Array, time_step: float) -> Array:
-        """Returns the filtered error e (3,) [m] one step later, the deviation held meanwhile.
+        """Returns the filtered error e (3,) [m] one step later, with the deviation held.
 
         Args:
-            error: (3,) e now [m].
-            deviation: (3,) y_a - y [m]; what is ignored of its length is taken off.
+            error: (3,) current e [m].
+            deviation: (3,) y_a - y [m], before the dead zone.
             time_step: [s].
         """
         length = float(np.linalg.norm(deviation))

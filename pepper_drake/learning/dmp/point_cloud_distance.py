@@ -1,4 +1,4 @@
-"""Distance to what a point cloud shows, and the direction away from it."""
+"""Distance to a point cloud, and the direction away from it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pepper_drake.learning.dmp.point_cells import (
 Array = npt.NDArray[np.float64]
 
 EXTENSION = 0.12
-"""Downward extension [m] of points: an object that stands is solid below its top."""
+"""Downward extension [m] of points: a standing object is solid below its top."""
 
 _SPACING = 0.02
 _NEIGHBOURS = 12
@@ -29,13 +29,13 @@ _BLENDING = 0.006
 class PointCloudDistance:
     """Distances to a cloud whose points are extended straight down.
 
-    A depth camera sees a thin shell, and a hand that starts below a table's top would be pushed
-    under it as readily as over it; the extension makes the shell solid. The normal is the mean of
-    the directions from the 12 nearest points, weighted by exp(-(d_i - d_1) / 6 mm), so that it
-    turns smoothly from one point to the next.
+    A depth camera sees a thin shell, and a hand that starts below a table's top would as readily be
+    pushed under it as over it; the extension makes the shell solid. The normal is the mean of the
+    directions from the 12 nearest points, weighted by exp(-(d_i - d_1) / 6 mm), so that it turns
+    smoothly from one point to the next.
 
     Attributes:
-        points: (P, 3) the cloud, without points that are not finite [m].
+        points: (P, 3) the cloud's finite points [m].
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class PointCloudDistance:
         extension: float = EXTENSION,
         down: npt.ArrayLike = (0.0, 0.0, -1.0),
     ) -> None:
-        """Keeps the points; they are sorted with the first question.
+        """Stores the points; they are sorted into cells at the first query.
 
         Args:
             points: (P, 3) [m]; P may be zero.
@@ -67,12 +67,12 @@ class PointCloudDistance:
 
     @cached_property
     def cells(self) -> PointCells | None:
-        """The cloud and what it was extended by, in cells; None of an empty cloud."""
+        """The extended cloud, sorted into cells; None for an empty cloud."""
         return PointCells.of(self._solid) if len(self._solid) else None
 
     @property
     def solid_points(self) -> Array:
-        """(Q, 3) the cloud and what it was extended by [m]."""
+        """(Q, 3) the extended cloud [m]."""
         return self._solid
 
     def distance(self, positions: npt.ArrayLike, within: float = np.inf) -> Array:
@@ -80,7 +80,7 @@ class PointCloudDistance:
 
         Args:
             positions: [m].
-            within: Beyond this distance [m] it is infinite as well, which is much faster to say.
+            within: Distances beyond this [m] are returned as infinite, which is much faster.
         """
         places = _finite(positions)
         if self.cells is None:
@@ -103,10 +103,10 @@ class PointCloudDistance:
 
 
 def _finite(positions: npt.ArrayLike) -> Array:
-    """A copy of positions (..., 3) that compiled code may read.
+    """Returns a copy of positions (..., 3) for compiled code.
 
     Raises:
-        ValueError: A number is not finite: what is nowhere is not far from everything.
+        ValueError: A number is not finite: an unknown position is not far from everything.
     """
     places = np.array(positions, dtype=float, order="C")
     if not np.isfinite(places).all():

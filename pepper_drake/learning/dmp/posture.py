@@ -1,4 +1,4 @@
-"""Nominal joints along a motion, as a function of its relative time."""
+"""Nominal joint positions along a motion, as a function of relative time."""
 
 import math
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ _LAST_PHASE = math.exp(-PHASE_RATIO)
 
 @dataclass(frozen=True, eq=False)
 class PostureProfile:
-    """Joints as local lines between basis functions that are even in time.
+    """Joints as local lines, weighted by basis functions evenly spaced in time.
 
     Attributes:
         names: J joint names.
@@ -33,12 +33,12 @@ class PostureProfile:
     weights: Array
 
     def at(self, relative_times: npt.ArrayLike) -> Array:
-        """Returns joints (N, J) [rad] at relative times (N,); after 1 they stay."""
+        """Returns joints (N, J) [rad] at relative times (N,); after 1 they are held."""
         basis, phases = _basis(np.asarray(relative_times), len(self.weights) // 2)
         return basis.combine(phases, self.weights) / phases[:, None]
 
     def basis(self, relative_times: npt.ArrayLike) -> Array:
-        """Returns (N, 2 B): what the weights are multiplied with at relative times (N,)."""
+        """Returns the features (N, 2 B) of the weights at relative times (N,)."""
         return _features(np.asarray(relative_times), len(self.weights) // 2)
 
     def to_data(self) -> dict[str, Any]:
@@ -47,14 +47,14 @@ class PostureProfile:
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Self:
-        """Makes the profile of what `to_data` returned."""
+        """Makes the profile from what `to_data` returned."""
         return cls(tuple(data["names"]), np.array(data["weights"], dtype=float))
 
 
 def learn_posture(
     demonstrations: list[Demonstration], times: list[Array], num_basis: int
 ) -> PostureProfile | None:
-    """Learns the joints of demonstrations at relative times; None where one has none.
+    """Learns the joints of demonstrations at relative times; None if a demonstration has none.
 
     Raises:
         InputError: Demonstrations have different joints.
@@ -78,6 +78,6 @@ def _features(relative_times: Array, num_basis: int) -> Array:
 
 
 def _basis(relative_times: Array, num_basis: int) -> tuple[GaussianBasis, Array]:
-    """The basis of a forcing term, even in time whatever alpha_x is, and the gates (N,)."""
+    """The basis, evenly spaced in time for any alpha_x, and the phases (N,), its gates."""
     basis = even_basis(num_basis, _OVERLAP, PHASE_RATIO, slopes=True)
     return basis, np.maximum(phase_at(relative_times, PHASE_RATIO), _LAST_PHASE)

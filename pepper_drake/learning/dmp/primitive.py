@@ -1,4 +1,4 @@
-"""Movement primitives: learn a motion from demonstrations, perform it anywhere."""
+"""Movement primitives: learn a motion from demonstrations, perform it with another goal."""
 
 from __future__ import annotations
 
@@ -55,15 +55,15 @@ Array = npt.NDArray[np.float64]
 DEFAULT_APPROXIMATOR = "trajectory_slopes"
 DEFAULT_SCALING = "gradual"
 FIT_TOLERANCE = 0.005
-"""Deviation [m] of a fit from its demonstration above which, if the number of basis functions
-is left open, it is doubled."""
+"""Deviation [m] of a fit from its demonstration above which the number of basis functions is
+doubled, if it is left open."""
 
 _MOST_STEPS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class Path3D(Motion):
-    """Result of a rollout: a `Motion` of D = 3 coordinates [m], and what goes with it.
+    """Result of a rollout: a `Motion` of D = 3 coordinates [m], with orientation and joints.
 
     Attributes:
         rotations: (N, 4) unit quaternions w, x, y, z, where the primitive has an orientation.
@@ -80,11 +80,11 @@ class Path3D(Motion):
 
 @dataclass(frozen=True, eq=False)
 class MovementPrimitive:
-    """A motion of the hand: translation, and where demonstrated orientation and joints, in step.
+    """A motion of the hand: translation, and orientation and joints if demonstrated, in one phase.
 
     Attributes:
         translation: The transformation system of the position.
-        duration: Of the demonstration [s]: tau.
+        duration: Of the demonstration, tau [s].
         path_length: Of the demonstration [m].
         orientation: The transformation system of the orientation, or None.
         posture: Nominal joints as a function of the phase, or None.
@@ -117,21 +117,21 @@ class MovementPrimitive:
     ) -> Self:
         """Learns one primitive from one or several demonstrations, aligned in phase.
 
-        Where samples are further apart than basis functions, the way between them is filled in
-        (see `Demonstration.filled`), so that the motion between samples stays near them.
+        Where samples are further apart than basis functions, they are interpolated (see
+        `Demonstration.filled`), so that the motion stays near them in between.
 
         Args:
             demonstrations: One, or several of the same motion.
             approximator: How the forcing term is learned; see `approximator_names`.
-            num_basis: Number of basis functions. Left out, it follows the data: 40; no more than
-                there are samples; twice or more as many where the motion would leave a
-                demonstration by more than `FIT_TOLERANCE`.
-            scaling: How it adapts to start and goal; see `scaling`.
+            num_basis: Number of basis functions. Left out, it follows the data: 40, at most the
+                number of samples, doubled while the motion deviates from a single demonstration by
+                more than `FIT_TOLERANCE`.
+            scaling: How the motion adapts to start and goal; see `scaling`.
             orientation: `log_map`, or `angles` for the report's three angles.
             alpha_z: Constant of the spring.
             seed: For approximators with random starts.
-            check: Refuse demonstrations that cannot be a hand's motion, or are not of one movement
-                (see `demonstrations.check`); False for motions that a program made.
+            check: Refuse implausible demonstrations, or those of different movements (see
+                `demonstrations.check`); False for synthetic motions.
 
         Raises:
             InputError: A name is unknown, a number out of range, or a demonstration unusable.
@@ -152,7 +152,7 @@ class MovementPrimitive:
 
         def deviation(learned: MovementPrimitive) -> float:
             if len(demos) > 1:
-                return 0.0  # Their mean is learned, which is none of them.
+                return 0.0  # The mean is learned, which differs from each.
             return learned.distance(demos[0].filled(demos[0].duration / COMPARED))
 
         return choose_num_basis(
@@ -196,7 +196,7 @@ class MovementPrimitive:
         )
 
     def distance(self, demonstration: Demonstration) -> float:
-        """Returns how far the motion leaves a demonstration, at its samples [m]."""
+        """Returns the largest deviation of the motion from a demonstration, at its samples [m]."""
         path = self.rollout(
             time_step=demonstration.duration / COMPARED,
             start=demonstration.positions[0],
@@ -205,7 +205,7 @@ class MovementPrimitive:
             start_velocity=demonstration.velocities[0],
         )
         times = demonstration.times - demonstration.times[0]
-        # By the velocities: a line between the places would miss more of a quick part than the fit.
+        # With velocities: linear interpolation would err more in quick parts than the fit.
         own = hermite(path.times, path.positions, path.velocities)(times)
         gaps = np.linalg.norm(own - demonstration.positions, axis=1)
         return float(gaps.max())
@@ -262,19 +262,19 @@ class MovementPrimitive:
 
         Args:
             time_step: Between samples [s].
-            start: (3,) where the hand is [m]; the demonstration's start if left out.
+            start: (3,) initial position [m]; the demonstration's start if left out.
             goal: (3,) [m], or a function of the time [s] for one that moves; the demonstration's
                 goal if left out. With a moving goal the duration is extended in proportion to its
                 displacement: each metre adds the demonstration's time for a metre of its path.
             duration: tau [s]; the demonstration's if left out.
-            obstacles: (P, 3) points [m], or a field made of them.
+            obstacles: (P, 3) points [m], or a distance field of them.
             coupling: `barrier`, `report`, or a coupling with other constants.
             start_velocity: (3,) [m/s]; if left out, that of the demonstration's start.
             goal_velocity: (3,) [m/s] or a function of the time [s]: known velocity of the goal.
             start_rotation: (4,) unit quaternion; the demonstration's if left out.
             goal_rotation: (4,) unit quaternion; the demonstration's if left out.
             start_angular_velocity: (3,) [rad/s]; if left out, that of the demonstration's start.
-            settle: How long to go on after the motion's end, in tau.
+            settle: Time to continue after the motion's end, in tau.
 
         Returns:
             The path, from time 0 to the first sample at or after the motion's end. With
@@ -325,17 +325,17 @@ class MovementPrimitive:
         Args:
             weights: (S, K, 3), K rows as in `weights`; or (S, num_basis, 3), which leaves the
                 slopes of an approximator with slopes as they were learned.
-            time_step: As in `rollout`, and so are all others.
+            time_step: This and the others as in `rollout`.
             start: (3,) [m].
             goal: (3,) [m].
             duration: tau [s].
-            obstacles: (P, 3) points [m], or a field made of them.
+            obstacles: (P, 3) points [m], or a distance field of them.
             coupling: `barrier`, `report`, or a coupling with other constants.
             start_velocity: (3,) [m/s].
             settle: In tau.
 
         Returns:
-            The paths; positions (S, N, 3). With obstacles all go on until the slowest has ended.
+            The paths; positions (S, N, 3). With obstacles all continue until the slowest has ended.
 
         Raises:
             InputError: As in `rollout`, or the approximator is not linear in weights.
@@ -380,7 +380,7 @@ class MovementPrimitive:
         """Reads a primitive; its rollouts are bit for bit those of the one that was saved.
 
         Raises:
-            InputError: With file, field and how to mend it.
+            InputError: With file, field and what to do.
         """
         from pepper_drake.learning.dmp.primitive_files import read_primitive
 

@@ -1,4 +1,4 @@
-"""A primitive from a file is tried before it is used: its numbers may not fit together."""
+"""Trial rollout of a primitive from a file, whose numbers may be inconsistent."""
 
 from pathlib import Path
 
@@ -13,25 +13,25 @@ LONGEST, SHORTEST = 600.0, 0.01
 """Limits of a movement's duration [s]."""
 
 FARTHEST = 10.0
-"""An arm's movement stays within this of its torso's frame [m]."""
+"""Largest distance of the hand from the torso's frame [m]."""
 
 _FASTEST_TURN = 1e3
-"""No hand turns faster [rad/s]."""
+"""Largest angular speed of a hand [rad/s]."""
 
 _STEPS = 200
 _MOST_NUMBERS = 4_000_000
-"""Limit of samples at 100 Hz by basis functions: what a rollout takes of memory."""
+"""Limit of samples at 100 Hz times basis functions: a rollout's use of memory."""
 
 
 def check_movement(primitive: MovementPrimitive, path: Path) -> MovementPrimitive:
     """Rolls a primitive out once, coarsely, and returns it.
 
     Args:
-        primitive: As it was read.
-        path: From where, for errors.
+        primitive: As read.
+        path: Its file, for errors.
 
     Raises:
-        InputError: It takes too long, has parts that do not fit together, or leads nowhere.
+        InputError: It takes too long, has inconsistent parts, or leads too far.
     """
     duration = primitive.duration
     _check_duration(duration, primitive.translation, path)
@@ -73,15 +73,14 @@ def check_movement(primitive: MovementPrimitive, path: Path) -> MovementPrimitiv
 
 
 def check_joint_movement(primitive: JointPrimitive, path: Path) -> None:
-    """Rolls a primitive of joints out once, coarsely.
+    """Rolls a joint-space primitive out once, coarsely.
 
     Args:
-        primitive: As it was read.
-        path: From where, for errors.
+        primitive: As read.
+        path: Its file, for errors.
 
     Raises:
-        InputError: It takes too long, has parts that do not fit together, or leads beyond any
-            joint.
+        InputError: It takes too long, has inconsistent parts, or leads beyond any joint's range.
     """
     _check_duration(primitive.duration, primitive.transformation, path)
     _check_gain(primitive.transformation, "transformation", path)

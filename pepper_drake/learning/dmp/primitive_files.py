@@ -29,7 +29,7 @@ Array = npt.NDArray[np.float64]
 VERSION = 1
 
 FILE_LIMIT = 4 * 2**20
-"""Largest file of a primitive that is read [bytes]."""
+"""Largest size of a primitive's file [bytes]."""
 
 
 def write_primitive(primitive: MovementPrimitive, path: Path) -> None:
@@ -63,7 +63,7 @@ def read_primitive(path: Path) -> MovementPrimitive:
     """Reads a primitive.
 
     Raises:
-        InputError: With file, line or field, and how to mend it.
+        InputError: With file, line or field, and what to do.
     """
     fields = read_fields(path)
     version = fields.value("version", int)
@@ -124,7 +124,7 @@ def transformation_data(attractor: TransformationModel, prefix: str = "") -> dic
 def read_transformation(
     fields: "Fields", approximator: str, prefix: str = "", size: int = 3
 ) -> TransformationModel:
-    """Makes a transformation system in `size` coordinates of what `transformation_data` returned.
+    """Makes a transformation system of `size` coordinates from `transformation_data`.
 
     Raises:
         InputError: With file and field.
@@ -154,7 +154,7 @@ class Fields:
         self._name = name
 
     def value(self, field: str, kind: type) -> Any:
-        """Returns a field of a kind, a finite one where it is a number."""
+        """Returns a field of the given type; a number must be finite."""
         if field not in self.data:
             raise InputError(f"{self._path}: {self._label(field)} is missing; add it")
         value = self.data[field]
@@ -168,7 +168,7 @@ class Fields:
         return value
 
     def name_of(self, field: str, check: Callable[[str], object]) -> str:
-        """Returns a name that a function knows."""
+        """Returns a name that `check` accepts."""
         name: str = self.value(field, str)
         try:
             check(name)
@@ -197,11 +197,11 @@ class Fields:
         return vector
 
     def inner(self, field: str) -> "Fields":
-        """Returns a field that is a mapping of fields itself."""
+        """Returns a field that is itself a mapping."""
         return Fields(self.value(field, dict), self._path, self._label(field))
 
     def build(self, load: Any) -> Any:
-        """Returns what a function makes of the mapping."""
+        """Returns `load` of the mapping, with errors that name the field."""
         try:
             return load(self.data)
         except KeyError as error:
@@ -231,7 +231,7 @@ def yaml_lines(data: Mapping[str, Any], indent: int = 0) -> list[str]:
 
 
 def _flow(value: Any) -> str:
-    """Returns a value on one line. YAML wants a dot in 1e-05, and repr gives none."""
+    """Returns a value on one line. YAML needs a dot in 1e-05, which repr leaves out."""
     if isinstance(value, list):
         return "[" + ", ".join(map(_flow, value)) + "]"
     if isinstance(value, bool):
@@ -242,7 +242,7 @@ def _flow(value: Any) -> str:
     if isinstance(value, int):
         return str(value)
     text = str(value)
-    # What may be a number to one reader and a text to another is quoted.
+    # Quoted: what may be a number to one reader and a text to another.
     style = '"' if text[:1] in tuple("+-.0123456789") else None
     dumped = yaml.safe_dump(text, default_flow_style=True, default_style=style, width=10**6)
     return dumped.splitlines()[0]

@@ -1,4 +1,4 @@
-"""Periodic motions, such as waving and stirring: a primitive whose phase turns in a circle.
+"""Periodic motions, such as waving and stirring: a primitive with a cyclic phase.
 
 Ijspeert, Nakanishi, Hoffmann, Pastor, Schaal, "Dynamical Movement Primitives", Neural Computation
 25 (2013), section 2.1.4, DOI 10.1162/NECO_a_00393:
@@ -6,7 +6,7 @@ Ijspeert, Nakanishi, Hoffmann, Pastor, Schaal, "Dynamical Movement Primitives", 
     tau phi' = 1, tau z' = alpha_z (beta_z (g - y) - z) + f, tau y' = z, tau = period / (2 pi),
     f(phi) = r sum_i psi_i w_i / sum_i psi_i, psi_i = exp(h (cos(phi - c_i) - 1)).
 
-The spring pulls the hand into a limit cycle around g from wherever it is.
+The spring pulls the hand into a limit cycle around g from any state.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Array = npt.NDArray[np.float64]
 _FILE_LIMIT = 2**20
 
 GRID = 512
-"""Points around the circle on which the response to a basis function is computed."""
+"""Number of phases at which the response to a basis function is computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +47,13 @@ class RhythmicPrimitive:
     """A periodic motion of the hand.
 
     Attributes:
-        weights: w, shape (K, 3); the centres c_i are even around the circle.
+        weights: w, shape (K, 3); the centres c_i are evenly spaced on the circle.
         concentration: h; the larger, the narrower a basis function.
         centre: g (3,) [m], around which the motion runs.
         period: Of the demonstration [s].
         alpha_z: Constant of the spring; its damper is critical.
-        rotation_weights: (K, 3) of the orientation's forcing term; None where it was not shown.
-        rotation_centre: (4,) unit quaternion about which the hand turns to and fro.
+        rotation_weights: (K, 3) of the orientation's forcing term; None if not demonstrated.
+        rotation_centre: (4,) unit quaternion about which the hand's orientation oscillates.
     """
 
     weights: Array
@@ -80,9 +80,9 @@ class RhythmicPrimitive:
     def orientation(
         self, phases: npt.ArrayLike, amplitude: float = 1.0, period: float | None = None
     ) -> tuple[Array, Array] | None:
-        """Returns the orientation on its limit cycle, None where it was not shown.
+        """Returns the orientation on its limit cycle, None if not demonstrated.
 
-        Its coordinates are those of the logarithm map about `rotation_centre`: a second
+        Its coordinates are those of the log map about `rotation_centre`: a second
         transformation system with the same phase (Ude et al. 2014, DOI
         10.1109/ICRA.2014.6907291).
 
@@ -117,8 +117,7 @@ class RhythmicPrimitive:
     ) -> tuple[Array, float]:
         """Returns state and phase one step later, exactly but for the quadrature of `spring`.
 
-        Period, amplitude and centre may change from step to step; position and velocity do not
-        jump.
+        Period, amplitude and centre may change between steps; position and velocity do not jump.
 
         Args:
             state: (2, 3) position [m] and velocity [m/s].
@@ -152,8 +151,8 @@ class RhythmicPrimitive:
         Args:
             duration: [s].
             time_step: Between samples [s].
-            start: (3,) where the hand is [m]; on the limit cycle, with its velocity, if left out.
-            start_velocity: (3,) [m/s], where `start` is given.
+            start: (3,) initial position [m]; left out, position and velocity of the limit cycle.
+            start_velocity: (3,) [m/s], used with `start`.
             start_phase: [rad].
             period: [s]; the demonstration's if left out.
             amplitude: Relative to the demonstration.
@@ -265,7 +264,7 @@ def circular_features(phases: npt.ArrayLike, num_basis: int, concentration: floa
 def steady_responses(
     phases: npt.ArrayLike, num_basis: int, concentration: float, alpha_z: float
 ) -> Array:
-    """Returns (2, N, K): where each feature alone takes the spring in the long run, for tau = 1.
+    """Returns (2, N, K): the spring's steady-state response to each feature, for tau = 1.
 
     Position and its derivative by the phase at phases (N,). The spring's transfer function
     1 / ((j n)² + alpha_z j n + alpha_z² / 4) is applied to the features' Fourier series.
@@ -274,7 +273,7 @@ def steady_responses(
     series = np.fft.rfft(circular_features(circle, num_basis, concentration), axis=0)
     harmonic = 1j * np.arange(len(series))[:, None]
     answer = series / (harmonic**2 + alpha_z * harmonic + alpha_z**2 / 4)
-    # Summed at the phases themselves: an interpolation would cost what the series gives.
+    # Evaluated at the phases themselves: interpolation would lose the series' accuracy.
     size = np.where(np.arange(len(series)) % (GRID // 2) == 0, 1.0, 2.0)[:, None] / GRID
     waves = np.exp(np.multiply.outer(np.asarray(phases, dtype=float), harmonic[:, 0]))
     return np.stack(((waves @ (size * answer)).real, (waves @ (size * harmonic * answer)).real))
@@ -292,13 +291,13 @@ def fit_rhythmic(
     The limit cycle is linear in the weights; all samples are used, from all periods.
 
     Args:
-        demonstration: At least one period of the motion; two or more if the period is to be found.
+        demonstration: At least one period of the motion; two or more to find the period.
         period: [s]; found by `find_period` if left out.
         num_basis: K, at least 3.
         alpha_z: Constant of the spring.
 
     Raises:
-        InputError: Too few basis functions, or less than one period was shown.
+        InputError: Too few basis functions, or less than one period of motion.
     """
     if num_basis < 3:
         raise InputError(f"num_basis: {num_basis} basis functions; a circle needs at least 3")
@@ -309,7 +308,7 @@ def fit_rhythmic(
             "show at least one period"
         )
     phases = 2 * np.pi * (demonstration.times - demonstration.times[0]) / turn
-    # psi falls to one half at its neighbour's centre.
+    # psi is one half at the neighbouring centre.
     concentration = float(np.log(2) / (1 - np.cos(2 * np.pi / num_basis)))
     columns = steady_responses(phases, num_basis, concentration, alpha_z)[0]
     whole = phases <= 2 * np.pi * np.floor(phases[-1] / (2 * np.pi) + 1e-9)
@@ -331,10 +330,10 @@ def _mean_rotation(rotations: Array) -> Array:
 
 
 def find_period(demonstration: Demonstration) -> float:
-    """Returns the period [s] of a motion that was shown for two periods or more.
+    """Returns the period [s] of a motion of two periods or more.
 
-    It is the first shift in time after which the motion comes closest to itself: the shift that
-    minimises the mean of |y(t + T) - y(t)|², relative to the motion's variance.
+    It is the first time shift T that maps the motion onto itself: a minimum of the mean of
+    |y(t + T) - y(t)|², relative to the motion's variance.
 
     Raises:
         InputError: The motion does not repeat itself.
@@ -350,7 +349,7 @@ def find_period(demonstration: Demonstration) -> float:
         return float(np.mean(np.sum(gap**2, axis=1))) / (2 * variance)
 
     step = duration / 400
-    shifts = np.arange(1, 241) * step  # Up to 0.6 of what was shown.
+    shifts = np.arange(1, 241) * step  # Up to 0.6 of the duration.
     values = np.array([mismatch(shift) for shift in shifts])
     dips = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1
     deep = dips[values[dips] < 0.2 + values.min()]

@@ -17,10 +17,10 @@ GoalMotion = Callable[[float], npt.ArrayLike]
 def vector(
     value: npt.ArrayLike | GoalMotion | None, default: Array, size: int, label: str
 ) -> Array:
-    """Returns finite numbers (size,), the default where there are none.
+    """Returns finite numbers (size,), or the default for None.
 
     Raises:
-        InputError: It is something else.
+        InputError: The value is anything else.
     """
     if value is None:
         return default
@@ -34,10 +34,10 @@ def vector(
 
 
 def quaternion(value: npt.ArrayLike | None, default: Array, label: str) -> Array:
-    """Returns a unit quaternion (4,), the default where there is none.
+    """Returns a unit quaternion (4,), or the default for None.
 
     Raises:
-        InputError: It is something else.
+        InputError: The value is anything else.
     """
     q = vector(value, default, 4, label)
     if abs(float(np.linalg.norm(q)) - 1.0) > 1e-3:
@@ -85,14 +85,14 @@ def check_seconds(**values: float) -> None:
 
 
 def field_of(obstacles: npt.ArrayLike | PointCloudDistance) -> PointCloudDistance:
-    """Returns the field of obstacles, made of points (P, 3) [m] where it is none yet."""
+    """Returns the obstacles' distance field, made from points (P, 3) [m] if need be."""
     return obstacles if isinstance(obstacles, PointCloudDistance) else PointCloudDistance(obstacles)
 
 
 def coupling_and_field(
     coupling: str | Coupling, obstacles: npt.ArrayLike | PointCloudDistance | None
 ) -> tuple[Coupling | None, PointCloudDistance | None]:
-    """Returns the coupling and the field of obstacles, None and None where there are none."""
+    """Returns the coupling and the obstacles' distance field, both None without obstacles."""
     if obstacles is None:
         return None, None
     chosen = get_coupling(coupling) if isinstance(coupling, str) else coupling

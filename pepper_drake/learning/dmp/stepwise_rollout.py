@@ -1,4 +1,4 @@
-"""Performing a learned motion step by step, as the LeafSystems do: obstacles, a moving goal."""
+"""Rollouts integrated step by step, as by the LeafSystems: with obstacles or a moving goal."""
 
 from collections.abc import Callable
 from typing import Any
@@ -23,7 +23,7 @@ Array = npt.NDArray[np.float64]
 GoalFunction = Callable[[float], tuple[Array, Array]]
 
 LONGEST = 10.0
-"""A motion that obstacles hold up ends after this many nominal durations."""
+"""A rollout that obstacles delay ends after this many nominal durations."""
 
 _FIRST_BLOCK, _LARGEST_BLOCK = 16, 128
 
@@ -40,18 +40,18 @@ def integrate(
     extension: float,
     weights: Array | None = None,
 ) -> Motion:
-    """Performs a motion step by step.
+    """Integrates a motion step by step.
 
     Args:
-        attractor: What was learned.
+        attractor: The transformation system.
         state: (..., 2, D) position and velocity at the start.
         goal_at: The goal (D,), or a function that gives its position and velocity at a time [s].
         tau: Nominal duration [s].
         time_step: [s].
-        settle: How long to go on after the motion's end, in tau.
-        coupling: What to do about obstacles.
-        field: The obstacles; None where there are none.
-        extension: By how much the goal's displacement extends tau [s/m].
+        settle: Time to continue after the motion's end, in tau.
+        coupling: Coupling term of the obstacles.
+        field: The obstacles' distance field, or None.
+        extension: Extension of tau per displacement of the goal [s/m].
         weights: (S, K, D) for S motions at once; the state is then (S, 2, D).
     """
     shape = state.shape[:-2]
@@ -111,7 +111,7 @@ def integrate(
 
 
 class _Run:
-    """Some steps of a motion that nothing disturbs: states, accelerations, phases, forcing."""
+    """Some steps of an undisturbed motion: states, accelerations, phases, forcing."""
 
     def __init__(self, states: Array, totals: Array, phases: Array, values: Array) -> None:
         self.states = states
@@ -132,7 +132,7 @@ def _undisturbed(
     steps: int,
     end: float,
 ) -> _Run:
-    """Returns at most `steps` steps from a state (2, D) to a still goal, not beyond the end."""
+    """Returns at most `steps` steps from a state (2, D) to a fixed goal, not beyond the end."""
     step = time_step / tau
     left = float(np.log(phase / end)) / (attractor.alpha_x * step)
     steps = max(1, min(steps, int(np.ceil(left))))
@@ -166,7 +166,7 @@ class _Obstacles:
         self, state: Array, acceleration: Array, goal: DelayedGoal, tau: float
     ) -> tuple[Array | None, Any]:
         """Returns C_t (..., 3), None where it is zero, and the slowdown (...)."""
-        if not self._pushed and not self._audible(state, acceleration):
+        if not self._pushed and not self._may_push(state, acceleration):
             return None, 0.0
         self._find_clearance(goal)
         push = self._coupling.push(
@@ -176,23 +176,23 @@ class _Obstacles:
         self._pushed = bool(np.vdot(push.coupling, push.coupling))
         return (push.coupling, push.slowdown) if self._pushed else (None, 0.0)
 
-    def _audible(self, state: Array, acceleration: Array) -> bool:
+    def _may_push(self, state: Array, acceleration: Array) -> bool:
         xp, vector, _, dot, plus, _, anything = arithmetic(state)
         moved = plus(vector(state[..., 0, :]), self._position, -1.0)
         nearest = self._distance - xp.sqrt(dot(moved, moved))
         return anything(nearest <= self._coupling.zero_beyond(state, acceleration))
 
     def undisturbed_steps(self, run: _Run, goal: DelayedGoal, tau: float) -> int:
-        """Returns after how many steps of a run obstacles push for the first time.
+        """Returns the number of steps of a run before obstacles push for the first time.
 
-        The last state of the run counts as pushed only if it is; the first does not.
+        The first state of the run counts as not pushed.
         """
         moved = run.states[:, 0] - self._position
         nearest = self._distance - np.sqrt(np.einsum("ij,ij->i", moved, moved))
-        audible = nearest <= self._coupling.zero_beyond(run.states, run.totals)
-        audible[0] = False
-        first = int(np.argmax(audible))
-        if not audible[first]:
+        near = nearest <= self._coupling.zero_beyond(run.states, run.totals)
+        near[0] = False
+        first = int(np.argmax(near))
+        if not near[first]:
             return run.steps
         self._find_clearance(goal)
         push = self._coupling.push(
@@ -211,7 +211,7 @@ class _Obstacles:
 
 
 class _Record:
-    """The samples of a motion, as they come."""
+    """Collects the samples of a motion."""
 
     def __init__(self) -> None:
         self.states: list[Array] = []

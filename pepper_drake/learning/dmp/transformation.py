@@ -1,4 +1,4 @@
-"""The transformation system that was learned: a spring to the goal and a forcing term."""
+"""The transformation system: a spring-damper to the goal and a learned forcing term."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ from pepper_drake.learning.spring import (
 )
 
 Array = npt.NDArray[np.float64]
-Scalar = Any  # A float, or an AutoDiffXd where gradients are asked for.
+Scalar = Any  # A float, or an AutoDiffXd for gradients.
 
 Forcing = Callable[[Array], Array]
 """A forcing term with its scaling: phases (..., M) to (..., M, D)."""
@@ -60,14 +60,14 @@ class MotionSample:
 
 
 class DelayedGoal(NamedTuple):
-    """The goal as the attractor knows it, at one time.
+    """The goal of the attractor at one time.
 
-    The spring sees a delayed goal d that follows the goal g smoothly:
+    The spring pulls towards a delayed goal d that follows the goal g smoothly:
     tau d' = alpha_z / 2 (g - d) + tau g'.
 
     Attributes:
         line: (2, D) position of the goal and its known velocity, zero if unknown.
-        lag: (D,) d - g; None where the spring sees the goal itself.
+        lag: (D,) d - g; None without delay.
     """
 
     line: Array
@@ -75,21 +75,21 @@ class DelayedGoal(NamedTuple):
 
     @classmethod
     def at(cls, position: Array) -> "DelayedGoal":
-        """Returns a goal at rest that the spring sees without delay."""
+        """Returns a goal at rest, without delay."""
         return cls(np.array((position, np.zeros(len(position)))))
 
     @property
     def position(self) -> Array:
-        """(D,) where the goal is."""
+        """(D,) position of the goal."""
         return self.line[0]
 
     @property
     def delayed(self) -> Array:
-        """(D,) the goal that the spring sees."""
+        """(D,) the delayed goal, to which the spring pulls."""
         return self.line[0] if self.lag is None else self.line[0] + self.lag
 
     def seen(self, position: Array, velocity: Array) -> "DelayedGoal":
-        """Returns the goal after it was seen; moves under `GOAL_THRESHOLD` are ignored."""
+        """Returns the goal after an observation; moves under `GOAL_THRESHOLD` are ignored."""
         displacement = position - self.position
         if displacement @ displacement <= GOAL_THRESHOLD**2:
             return DelayedGoal(np.array((self.position, velocity)), self.lag)
@@ -108,7 +108,7 @@ class TransformationModel:
 
     Attributes:
         model: The forcing term as a function of the phase.
-        scaling: How it adapts to start and goal; see `scaling`.
+        scaling: How the motion adapts to start and goal; see `scaling`.
         frame: Start, goal and extent of the demonstration.
         start_rate: (D,) velocity of the demonstration's start, by relative time.
         alpha_z: Constant of the spring; its damper is critical.
@@ -128,7 +128,7 @@ class TransformationModel:
     @cached_property
     def linear_model(self) -> LinearForcingModel | None:
         """The forcing term if it is linear in its weights, else None."""
-        # Asking a protocol takes longer than a step: once is enough.
+        # Cached: isinstance of a protocol takes longer than a step.
         return self.model if isinstance(self.model, LinearForcingModel) else None
 
     def matrix(self, start: Array, goal: Array) -> Array | None:
@@ -143,9 +143,9 @@ class TransformationModel:
         """Returns the forcing term between a start (D,) and a goal (D,).
 
         Args:
-            start: Where the motion starts.
-            goal: What the spring sees.
-            weights: (K, D) in place of the model's; or (S, K, D) for S forcing terms with the
+            start: (D,) start of the motion.
+            goal: (D,) the spring's goal.
+            weights: (K, D) instead of the model's; or (S, K, D) for S forcing terms with the
                 model's features, the function then takes phases (S, M).
         """
         matrix, offset = self.matrix(start, goal), self.offset(start, goal)
@@ -157,7 +157,7 @@ class TransformationModel:
             if weights is None or linear is None:
                 values = model(phases)
             elif weights.ndim == 2 and phases.ndim == 1:
-                values = linear.with_weights(weights)(phases)  # Without making the features.
+                values = linear.with_weights(weights)(phases)  # Without building the features.
             else:
                 values = linear.features(phases.ravel()).reshape(*phases.shape, -1) @ weights
             values = scaled(values, matrix)
@@ -184,7 +184,7 @@ class TransformationModel:
 
         Args:
             state: (..., 2, D) position and velocity.
-            goal: What the spring sees.
+            goal: The spring's goal.
             forcing: (..., D) the forcing term.
             tau: [s].
         """
@@ -206,7 +206,7 @@ class TransformationModel:
 
         Args:
             state: (..., 2, D) position and velocity.
-            goal: What the spring sees, at the step's start.
+            goal: The spring's goal at the step's start.
             forcing: (..., 4, D) the forcing term at the step's `node_phases`.
             tau: [s].
             time_step: [s].
@@ -214,7 +214,7 @@ class TransformationModel:
         """
         parts = (state, *goal, forcing, coupling)
         if state.ndim == 2 and isinstance(tau, float) and not any(map(_is_other, parts)):
-            # Copies: compiled anew it would be for arrays that may not be written or have gaps.
+            # Copies: read-only or strided arrays would trigger another compilation.
             rest = np.zeros(state.shape[1])
             one: Array = advance_one(
                 np.array(state),
@@ -237,12 +237,12 @@ class TransformationModel:
         return advance(state, goal.line, inputs, step, time_step)
 
     def goal_rate(self, tau: Scalar) -> Scalar:
-        """Returns how fast the goal that the spring sees follows the goal [1/s]."""
+        """Returns the rate at which the delayed goal follows the goal [1/s]."""
         return self.alpha_z / (2.0 * tau)
 
 
 def _is_other(part: Array | None) -> bool:
-    """True for an array of anything but floats."""
+    """Tells whether an array holds anything but floats."""
     return part is not None and part.dtype != np.float64
 
 
@@ -259,7 +259,7 @@ def node_phases(phase: Scalar, decay: Scalar, time_step: float) -> Array:
 
 
 def forcing_target(sample: MotionSample, alpha_z: float) -> Array:
-    """Returns what the forcing term has to be along a motion, (N, D): equation 2.8.
+    """Returns the forcing term (N, D) that produces a motion: equation 2.8.
 
     f = y'' - alpha_z (beta_z (g - y) - y'), derivatives by relative time, g the last position.
     """
@@ -305,8 +305,8 @@ def learn_attractor(
         if shift is not None and len(samples) > 1:
             nodes = node_times(sample.times)
             gates = gate(phase_at(nodes, alpha_x), alpha_x)[..., None]
-            way = forced_response_at(gates, sample.times, alpha_z)[0]
-            response = response - way * shift
+            path = forced_response_at(gates, sample.times, alpha_z)[0]
+            response = response - path * shift
             target = target - gate(phase_at(sample.times, alpha_x), alpha_x)[:, None] * shift
         targets.append(unscaled(target, matrix, scaling))
         responses.append(unscaled(response, matrix, scaling))

@@ -28,7 +28,7 @@ from pepper_drake.short_repr import short_repr
 Array = npt.NDArray[np.float64]
 
 REST_END = 1.2
-"""Until this time divided by duration a demonstration rests at its end, and attractors move."""
+"""Relative time until which demonstrations are extended at rest and attractors move."""
 
 NUM_SAMPLES, NUM_REST = 100, 20
 
@@ -37,8 +37,8 @@ NUM_SAMPLES, NUM_REST = 100, 20
 class DsGmr:
     """y'' = w² (a(s) - y) - 2 w y', w = alpha_z / (2 duration): a spring to a moving attractor.
 
-    The attractor a(s) is a sum of the components' attractors, sum_k h_k(s) (mu_k + line), each a
-    point in one or more frames that counts as much as the demonstrations agreed on it there.
+    The attractor a(s) is the sum of the components' attractors, sum_k h_k(s) (mu_k + line), each a
+    point in one or more frames, weighted by the precision of the demonstrations there.
 
     Attributes:
         attractors: The mixture of (s, a), per frame.
@@ -53,12 +53,12 @@ class DsGmr:
     __repr__ = short_repr
 
     def attractor(self, frames: Sequence[TaskFrame], relative_times: npt.ArrayLike) -> Regression:
-        """Returns attractors (N, 3) [m] and their covariances at s, time / duration."""
+        """Returns attractors (N, 3) [m] and their covariances at relative times s."""
         clock = np.clip(np.asarray(relative_times, dtype=float), 0.0, REST_END)
         return self.attractors.in_frames(frames).regress(clock[:, None])
 
     def activations(self, frames: Sequence[TaskFrame], relative_times: npt.ArrayLike) -> Array:
-        """Returns how much each spring-damper is in charge, h (N, K), at s, time / duration."""
+        """Returns the activations h (N, K) of the spring-dampers at relative times s."""
         clock = np.clip(np.asarray(relative_times, dtype=float), 0.0, REST_END)
         return self.attractors.in_frames(frames).marginal(1).responsibilities(clock[:, None])
 
@@ -72,15 +72,15 @@ class DsGmr:
         time_step: float = 0.01,
         settling: float = 0.0,
     ) -> Demonstration:
-        """Runs the springs, exactly but for the attractor's changes within a step.
+        """Integrates the springs, exactly but for the attractor's changes within a step.
 
         Args:
-            frames: Where the frames are now.
+            frames: The current frames.
             start: Position of the hand (3,) [m].
             start_velocity: Of the hand (3,) [m/s].
             duration: Of the motion [s]; as demonstrated when left out.
             time_step: [s].
-            settling: How long to go on after the end [s].
+            settling: Time to continue after the end [s].
         """
         tau = float(duration or self.duration)
         num_steps = max(1, round((tau + settling) / time_step))
@@ -117,16 +117,16 @@ def fit_ds_gmr(
 ) -> DsGmr:
     """Learns attractors, activations and their frames from demonstrations.
 
-    Each sample says where the spring would have had to end to move the hand as it moved:
-    a = y + 2 y' / w + y'' / w². The mixture is of (s, a), in every frame. After its end each
-    demonstration rests for a fifth of its duration: the last attractor is where it ended.
+    Each sample gives the attractor that would have caused its motion, a = y + 2 y' / w + y'' / w².
+    The mixture is over (s, a), in every frame. After its end each demonstration is extended at rest
+    by a fifth of its duration, so that the last attractor is its end.
 
     Args:
         demonstrations: At least one.
-        frames: Per demonstration, where the frames were; `start_and_goal` gives the usual two.
+        frames: Per demonstration, its frames; `start_and_goal` gives the usual two.
         num_components: Number of spring-dampers.
         alpha_z: Stiffness constant of the springs.
-        warp: As in `align`, which brings the demonstrations onto one clock.
+        warp: As in `align`.
     """
     motions = align(demonstrations, num_samples=NUM_SAMPLES, warp=warp)
     w = alpha_z / (2 * motions[0].duration)

@@ -1,8 +1,8 @@
-"""Gaussian mixture model, its fit by expectation maximisation, and regression by conditioning.
+"""Gaussian mixture model, its fit by expectation maximisation, and Gaussian mixture regression.
 
-Equations 2.1-2.3 and A.1-A.5 of "Learning By Demonstration" (SoftBank Robotics, 2018); the papers
-behind them are Dempster, Laird, Rubin (1977) and Calinon, Guenter, Billard, "On Learning,
-Representing and Generalizing a Task in a Humanoid Robot" (2007).
+Equations 2.1-2.3 and A.1-A.5 of "Learning By Demonstration" (SoftBank Robotics, 2018), after
+Dempster, Laird, Rubin (1977) and Calinon, Guenter, Billard, "On Learning, Representing and
+Generalizing a Task in a Humanoid Robot" (2007).
 """
 
 from __future__ import annotations
@@ -90,9 +90,9 @@ class GaussianMixture:
         return GaussianMixture(self.priors, means, covariances)
 
     def experts(self, num_inputs: int = 1) -> tuple[Array, Array, Array]:
-        """Returns each component's line from the first coordinates to the others.
+        """Returns each component's linear regression of the other coordinates on the first ones.
 
-        Component k says: outputs = gains_k @ inputs + offsets_k, with its residual covariance
+        For component k: outputs = gains_k @ inputs + offsets_k, with the residual covariance
         Sigma_o - Sigma_oi Sigma_i^-1 Sigma_io.
 
         Returns:
@@ -115,7 +115,7 @@ class GaussianMixture:
             inputs: Shape (N, I): the first I coordinates of the mixture.
             covariance: `posterior` is the covariance of the conditional mixture (law of total
                 covariance), sum_k h_k (C_k + m_k m_k^T) - m m^T; `report` is that of equation
-                2.3, sum_k h_k^2 C_k, which leaves out how far the components disagree.
+                2.3, sum_k h_k^2 C_k, without the spread between the components.
         """
         num_inputs = inputs.shape[1]
         gains, offsets, residuals = self.experts(num_inputs)
@@ -141,20 +141,20 @@ def maximisation(
 ) -> GaussianMixture:
     """The M step, equation A.5, under the constraint that no variance is below a floor.
 
-    The eigenvalues of each covariance are raised to the floor. That is the exact maximiser among
-    the covariances with Sigma_k >= floor * I, so the likelihood still never falls, which it may
-    where a constant is added to the diagonal.
+    The eigenvalues of each covariance are raised to the floor. This is the exact maximiser among
+    the covariances with Sigma_k >= floor * I, so the likelihood never falls, as it may if a
+    constant is added to the diagonal.
 
     Args:
         data: Shape (N, D).
         responsibilities: h, shape (N, K).
         covariance_floor: Smallest eigenvalue of a covariance, in the data's units squared.
-        previous: What a component keeps when it holds no data at all.
+        previous: Kept by components that hold no data.
     """
     counts = responsibilities.sum(axis=0)
     held = counts > np.finfo(float).tiny * len(data)
     weights = responsibilities[:, held].T / counts[held, None]
-    # Moments about the centre of all data, so that little is lost in the difference.
+    # Moments about the mean of all data, against cancellation.
     centre = data.mean(axis=0)
     centred = data - centre
     first = weights @ centred
@@ -177,13 +177,13 @@ def initial_mixture(
     initial_means: Array | None = None,
     rng: np.random.Generator,
 ) -> GaussianMixture:
-    """Starts a mixture from k-means (the report's appendix A).
+    """Initialises a mixture by k-means (the report's appendix A).
 
     Args:
         data: Shape (N, D).
         num_components: K.
         covariance_floor: As in `maximisation`.
-        initial_means: Where k-means starts, shape (K, D); drawn by k-means++ when left out.
+        initial_means: Initial centroids, shape (K, D); drawn by k-means++ when left out.
         rng: For k-means++.
     """
     with warnings.catch_warnings():
@@ -219,9 +219,9 @@ def fit_gaussian_mixture(
         num_components: K.
         covariance_floor: Smallest variance in any direction, as a fraction of each coordinate's
             variance over all data.
-        max_iterations: At most so many EM steps.
+        max_iterations: Largest number of EM steps.
         tolerance: Ends when the mean log-likelihood gains less than this in a step.
-        initial_means: Where k-means starts, shape (K, D); drawn by k-means++ when left out.
+        initial_means: Initial centroids, shape (K, D); drawn by k-means++ when left out.
         seed: Of k-means++.
 
     Raises:

@@ -1,10 +1,10 @@
-"""A spring-damper to the goal whose velocity is modulated by what a mixture learned.
+"""A spring-damper to the goal, modulated by a mixture's learned velocity profile.
 
 Appendix C.2 of "Learning By Demonstration" (SoftBank Robotics, 2018); Hersch, Guenter, Calinon,
 Billard, "Learning Dynamical System Modulation for Constrained Reaching Tasks", Humanoids 2006,
 and "Dynamical System Modulation for Robot Learning via Kinesthetic Demonstrations", IEEE
-Transactions on Robotics 24 (2008), DOI 10.1109/TRO.2008.2006703. Their last stage, which makes
-hand and joints coherent, is the differential inverse kinematics of the diagram.
+Transactions on Robotics 24 (2008), DOI 10.1109/TRO.2008.2006703. Their last stage, which reconciles
+hand and joints, is the differential inverse kinematics of the diagram.
 """
 
 from collections.abc import Sequence
@@ -32,10 +32,10 @@ class ModulatedSystem:
 
     v_m is the mixture's regression of the velocity on time. The modulation
     gamma'' = alpha_m (-gamma' - alpha_m gamma / 4), gamma(0) = 1, gamma'(0) = 0, fades, so that
-    the spring brings the hand to the goal wherever that is.
+    the spring brings the hand to any goal.
 
     Attributes:
-        mixture: Of (t, velocity), t in [s] from the start; its velocities are those for `duration`.
+        mixture: Of (t, velocity), t in [s] from the start; velocities are for `duration`.
         duration: Median duration of the demonstrations [s].
         alpha: Damping [1/s].
         beta: Stiffness divided by damping [1/s]; alpha / 4 is critical.
@@ -73,9 +73,9 @@ class ModulatedSystem:
 
         Args:
             start: Position of the hand (3,) [m].
-            goal: (3,) [m], or (N, 3) where it is at each step.
+            goal: (3,) [m], or (N, 3) of each step.
             time_step: [s].
-            settling: How long to go on after the demonstrated duration [s].
+            settling: Time to continue after the demonstrated duration [s].
         """
         num_steps = max(1, round((self.duration + settling) / time_step))
         times = time_step * np.arange(num_steps + 1)
@@ -112,11 +112,11 @@ def fit_modulated_system(
     """Learns the velocity profile of demonstrations.
 
     Args:
-        demonstrations: At least one; their times are stretched to the median duration.
+        demonstrations: At least one; their times are scaled to the median duration.
         num_components: Of the mixture of (time, velocity), equation 2.2.
-        alpha: Damping of the spring [1/s]; its stiffness is critical.
-        alpha_m: Decay of the modulation [1/s]; when left out, such that 0.3 of it is left at
-            the end of the motion: more keeps the shown path longer and reaches the goal later.
+        alpha: Damping of the spring [1/s]; damping is critical.
+        alpha_m: Decay of the modulation [1/s]; when left out, 0.3 of it is left at the end of the
+            motion: more keeps the demonstrated path longer and reaches the goal later.
 
     Raises:
         InputError: There is no demonstration.

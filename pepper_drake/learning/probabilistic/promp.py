@@ -1,8 +1,9 @@
-"""Probabilistic movement primitives: a distribution over motions, conditioned on what must hold.
+"""Probabilistic movement primitives: a distribution over motions, conditioned on via points.
 
 Paraschos, Daniel, Peters, Neumann, "Probabilistic Movement Primitives", NIPS 2013; the fit by
-expectation maximisation follows Lazaric and Ghavamzadeh (2010), as Gomez-Gonzalez et al.,
-"Adaptation and Robust Learning of Probabilistic Movement Primitives" (2020), write it out.
+expectation maximisation follows Lazaric and Ghavamzadeh (2010), as written out by Gomez-Gonzalez et
+al.,
+"Adaptation and Robust Learning of Probabilistic Movement Primitives" (2020).
 """
 
 from collections.abc import Sequence
@@ -23,12 +24,13 @@ Array = npt.NDArray[np.float64]
 class ProMP:
     """y(s) = Phi(s) w + noise, w ~ N(mean, covariance), s the time divided by the duration.
 
-    The weights of the three axes are stacked: w = (w_x, w_y, w_z), so that axes may be correlated.
+    The weights of the three axes are stacked: w = (w_x, w_y, w_z), and may be correlated across
+    axes.
 
     Attributes:
         mean: Of the weights, shape (3 K,) [m].
         covariance: Of the weights, shape (3 K, 3 K) [m²].
-        noise: Variance of what no weights explain [m²].
+        noise: Variance of the residuals [m²].
         duration: Median duration of the demonstrations [s].
     """
 
@@ -47,7 +49,7 @@ class ProMP:
     def path(self, times: npt.ArrayLike) -> tuple[Array, Array]:
         """Returns the mean positions (N, 3) [m] and their covariances (N, 3, 3) at times (N,) [s].
 
-        The covariance is that between motions; `noise` is not in it.
+        The covariance is that between motions, without `noise`.
         """
         functions = basis(np.asarray(times, dtype=float) / self.duration, self.num_basis)
         means = functions @ self.mean.reshape(3, -1).T
@@ -66,9 +68,9 @@ class ProMP:
         """Returns the distribution of the motions that pass a via point (eqs. 5 and 6).
 
         Args:
-            time: When [s]; 0 is the start, `duration` the end.
+            time: Time [s] from 0, the start, to `duration`, the end.
             value: Position (3,) [m], or velocity (3,) [m/s] with `derivative` 1.
-            covariance: How exactly, shape (3, 3), in `value`'s units squared; to 0.1 mm (or mm/s)
+            covariance: Tolerance, shape (3, 3), in `value`'s units squared; 0.1 mm (or mm/s)
                 when left out.
             derivative: 0 for a position, 1 for a velocity.
         """
@@ -83,7 +85,7 @@ class ProMP:
         rows = _rows(functions / self.duration**derivative)
         innovation = rows @ self.covariance @ rows.T + slack
         gain = np.linalg.solve(innovation, rows @ self.covariance).T
-        # Joseph's form: stays symmetric and positive however exact the via point is.
+        # Joseph form: stays symmetric and positive for any covariance of the via point.
         kept = np.eye(len(self.mean)) - gain @ rows
         return replace(
             self,
@@ -92,7 +94,7 @@ class ProMP:
         )
 
     def sample(self, count: int, rng: np.random.Generator) -> Array:
-        """Draws weights, shape (count, 3 K); `with_weights` makes a motion of each."""
+        """Draws weights, shape (count, 3 K); `demonstration` makes a motion of each."""
         values, vectors = np.linalg.eigh(self.covariance)
         factor = vectors * np.sqrt(np.maximum(values, 0.0))
         return np.asarray(self.mean + rng.standard_normal((count, len(values))) @ factor.T)
@@ -106,7 +108,7 @@ class ProMP:
     ) -> Demonstration:
         """Returns the motion of weights (3 K,), of the mean when left out, as a demonstration.
 
-        That is what a `MovementPrimitive` learns from, to run it with goals, obstacles and all.
+        A `MovementPrimitive` can learn from it, for other goals and obstacles.
         """
         length = duration or self.duration
         times = np.linspace(0, length, max(6, round(length / time_step) + 1))
@@ -139,8 +141,8 @@ class ProMP:
 def basis(phases: npt.ArrayLike, num_basis: int, derivative: int = 0) -> Array:
     """Returns normalised Gaussians of s, or their first or second derivative, shape (N, K).
 
-    Centres are even in [0, 1] and beyond by one spacing at each end, so that a motion may start
-    and end while moving; the standard deviation is one spacing.
+    Centres are evenly spaced in [0, 1] and one spacing beyond at each end, so that a motion may
+    start and end while moving; the standard deviation is one spacing.
     """
     spacing = 1 / max(num_basis - 3, 1)
     centres = np.linspace(-spacing, 1 + spacing, num_basis)
@@ -170,17 +172,17 @@ def fit_promp(
 ) -> ProMP:
     """Fits the distribution of the weights by expectation maximisation.
 
-    It starts from a ridge regression per demonstration (its weights' mean and covariance), and
-    `max_iterations=0` leaves it at that. Demonstrations may differ in duration and sampling.
+    EM starts from the mean and covariance of the weights of one ridge regression per demonstration;
+    `max_iterations=0` returns these. Demonstrations may differ in duration and sampling.
 
     Args:
         demonstrations: At least two.
         num_basis: K, basis functions of one axis, at least 4.
         ridge: Relative to the mean diagonal of Phi^T Phi; and, times the variance of the weights,
-            what is added to their covariance, which few demonstrations leave singular.
-        max_iterations: At most so many EM steps.
-        tolerance: Ends when an EM step moves no weight's mean and variance by more than this
-            part of the weights' variance.
+            added to their covariance, which is singular with few demonstrations.
+        max_iterations: Largest number of EM steps.
+        tolerance: Ends when an EM step changes no weight's mean or variance by more than this share
+            of the weights' variance.
 
     Raises:
         InputError: Too few demonstrations or basis functions.
@@ -214,8 +216,8 @@ def em_step(promp: ProMP, data: Sequence[tuple[Array, Array]], floor: Array) -> 
     """One step of expectation maximisation.
 
     Args:
-        promp: The distribution so far.
-        data: Of `observations`: per demonstration, rows (3 N, 3 K) and positions (3 N,).
+        promp: The current distribution.
+        data: From `observations`: per demonstration, rows (3 N, 3 K) and positions (3 N,).
         floor: Added to the covariance, shape (3 K, 3 K): the mode under an inverse Wishart prior.
     """
     precision = np.linalg.inv(promp.covariance)
@@ -249,7 +251,7 @@ def observations(
 
 
 def _rows(functions: Array) -> Array:
-    """Returns Phi (3 N, 3 K) of basis functions (N, K) that all axes share."""
+    """Returns Phi (3 N, 3 K) of basis functions (N, K) shared by all axes."""
     return np.asarray(np.kron(np.eye(3), functions))
 
 

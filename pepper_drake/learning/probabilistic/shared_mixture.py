@@ -1,13 +1,13 @@
-"""Gaussian mixtures over time of several motions, whose component is shared at each moment.
+"""Gaussian mixtures over time of several motions, with a component shared at each moment.
 
-An ordinary mixture draws a component for every sample. Where demonstrations differ, its components
-then tell demonstrations apart instead of moments, and the mean motion jumps between them. Here all
-M demonstrations of one motion share the component at each moment s:
+An ordinary mixture draws a component for every sample. Where demonstrations differ, components then
+distinguish demonstrations rather than moments, and the mean motion jumps between them. Here all M
+demonstrations share the component at each moment s:
 
     p(y_1(s), ..., y_M(s), s) = sum_k pi_k prod_i N_k(s) prod_j N_k(y_i^(j)(s) | s)
 
-with y^(j) the value as seen from frame j (only one, unless it is task-parametrised). Expectation
-maximisation is exact as before: the logarithms of the densities add up over demonstrations.
+with y^(j) the value in frame j (only one, unless task-parametrised). Expectation maximisation stays
+exact: the log densities add up over demonstrations.
 """
 
 from collections.abc import Sequence
@@ -35,15 +35,15 @@ def fit_shared_mixtures(
     max_iterations: int = 100,
     tolerance: float = 1e-5,
 ) -> tuple[GaussianMixture, ...]:
-    """Fits one mixture per view, with shared priors, started evenly in time.
+    """Fits one mixture per view, with shared priors, initialised evenly in time.
 
     Args:
         views: Per frame, samples of time and value (M N, 1 + D), demonstration by demonstration,
-            all at the same N increasing times. Values should vary by about one.
+            all at the same N increasing times. Scaled to a deviation of about one.
         num_demonstrations: M.
         num_components: K.
         covariance_floor: Smallest variance in any direction.
-        max_iterations: At most so many EM steps.
+        max_iterations: Largest number of EM steps.
         tolerance: Ends when the log-likelihood of a moment gains less than this in a step.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Task-parametrised Gaussian mixture: a motion seen from several frames, which may move.
+"""Task-parametrised Gaussian mixture: a motion described in several frames, which may move.
 
 Calinon, "A tutorial on task-parameterized movement learning and retrieval", Intelligent Service
 Robotics 9 (2016), DOI 10.1007/s11370-015-0187-9.
@@ -24,7 +24,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TaskFrame:
-    """A frame F from which a motion is seen, such as that of the start or of the goal object.
+    """A frame F of a motion, such as that of the start or of the goal object.
 
     Attributes:
         rotation: R_TF, shape (3, 3).
@@ -37,7 +37,7 @@ class TaskFrame:
     __repr__ = short_repr
 
     def to_frame(self, positions: Array) -> Array:
-        """Returns positions (N, 3) in T as seen from this frame."""
+        """Returns positions (N, 3), given in T, in this frame."""
         return np.asarray((positions - self.position) @ self.rotation)
 
 
@@ -54,9 +54,9 @@ def start_and_goal(demonstration: Demonstration) -> tuple[TaskFrame, TaskFrame]:
 class TaskParameterizedMixture:
     """One mixture of (s, y) per frame, with shared priors; s is the time in [0, 1].
 
-    p(v) = sum_k pi_k N_k(s) prod_j N_k(y^(j) | s), y^(j) the position seen from frame j. The time
-    is the same in all frames and counts once: where it counted in each, as a coordinate among
-    others, two frames that disagree on the position would settle on another time.
+    p(v) = sum_k pi_k N_k(s) prod_j N_k(y^(j) | s), y^(j) the position in frame j. The time is the
+    same in all frames and counts once: as a coordinate of each, two frames that disagree on the
+    position would settle on another time.
 
     Attributes:
         mixtures: One per frame, with the same priors, of 1 + 3 coordinates.
@@ -67,15 +67,14 @@ class TaskParameterizedMixture:
     __repr__ = short_repr
 
     def in_frames(self, frames: Sequence[TaskFrame]) -> GaussianMixture:
-        """Returns the mixture of (s, y) in T for frames that are where they are now.
+        """Returns the mixture of (s, y) in T for the current frames.
 
-        Component by component the product of what each frame says of the position at s: with
-        lines l_j(s) and residual covariances C_j, the mean C sum_j C_j^-1 l_j(s) and the
-        covariance C = (sum_j C_j^-1)^-1. A frame in which the demonstrations agreed has the
-        louder voice.
+        For each component it is the product of the frames' conditionals at s: with lines l_j(s) and
+        residual covariances C_j, the mean C sum_j C_j^-1 l_j(s) and the covariance
+        C = (sum_j C_j^-1)^-1. Frames in which the demonstrations agreed weigh more.
 
         Raises:
-            InputError: The number of frames is another than in the demonstrations.
+            InputError: The number of frames differs from the demonstrations'.
         """
         if len(frames) != len(self.mixtures):
             raise InputError(f"{len(frames)} frames given, {len(self.mixtures)} were learned from.")
@@ -94,7 +93,7 @@ class TaskParameterizedMixture:
         offset = np.einsum("jkab,jkb->ka", weights, np.array(offsets))
         time_mean = self.mixtures[0].means[:, 0]
         time_variance = self.mixtures[0].covariances[:, 0, 0]
-        # A line with its residual, as a Gaussian of (s, y) again.
+        # The line with its residual as a Gaussian of (s, y).
         lift = np.concatenate([np.ones((len(gain), 1)), gain], axis=1)
         covariances = time_variance[:, None, None] * lift[:, :, None] * lift[:, None, :]
         covariances[:, 1:, 1:] += residual
@@ -111,14 +110,14 @@ def fit_task_parameterized(
 ) -> TaskParameterizedMixture:
     """Fits all frames' mixtures at once by expectation maximisation.
 
-    The component is shared by all demonstrations at each moment (see `shared_mixture`): on frames
-    that were not shown the error is a quarter of that with a component for each sample.
+    The component is shared by all demonstrations at each moment (see `shared_mixture`): on new
+    frames the error is a quarter of that with a component per sample.
 
     Args:
-        demonstrations: At least one; their spread tells which frame matters when.
-        frames: Per demonstration, where the frames were, always as many.
+        demonstrations: At least one; their variability tells which frame matters when.
+        frames: Per demonstration, its frames, always the same number.
         num_components: K.
-        warp: As in `align`, which brings the demonstrations onto one clock.
+        warp: As in `align`.
 
     Raises:
         InputError: Numbers of frames and demonstrations do not agree.
@@ -135,17 +134,17 @@ def fit_points(
     *,
     num_components: int,
 ) -> TaskParameterizedMixture:
-    """Does what `fit_task_parameterized` does, for points on one clock.
+    """Fits as `fit_task_parameterized` does, for aligned points.
 
     Args:
         relative_times: s, shape (N,).
         points: Shape (M, N, 3) [m].
-        frames: M times the frames.
+        frames: M sequences of frames.
         num_components: K.
     """
     if len(frames) != len(points) or len({len(of_one) for of_one in frames}) != 1 or not frames[0]:
         raise InputError("frames: give each demonstration its frames, always the same number.")
-    # One length for all frames: where they are must not change how the data are grouped.
+    # One length for all frames: their positions must not affect the clustering.
     length = float(points.std(axis=1).mean()) or 1.0
     scale = np.array([relative_times.std(), length, length, length])
     clock = np.tile(relative_times, len(points))

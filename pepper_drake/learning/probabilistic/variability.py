@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Spread:
-    """Mean and covariance of several motions along one clock.
+    """Mean and covariance of several motions over a common time.
 
     Attributes:
         times: (N,) [s].
@@ -40,7 +40,7 @@ class Spread:
 def variability_along(
     demonstrations: Sequence[Demonstration], *, num_components: int = 15, warp: bool = False
 ) -> Spread:
-    """Says how much demonstrations vary along the motion: regression of position on time.
+    """Returns how demonstrations vary along the motion, by regression of position on time.
 
     Where the spread is small the task demands precision (Calinon, Guenter, Billard, "On Learning,
     Representing and Generalizing a Task in a Humanoid Robot", 2007). The mixture of (time,

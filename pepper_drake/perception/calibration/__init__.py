@@ -1,1 +1,1 @@
-"""Calibration of joints and cameras by a marker on the hand."""
+"""Calibration of joints and cameras with a marker on the hand."""

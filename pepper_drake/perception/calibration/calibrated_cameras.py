@@ -1,4 +1,4 @@
-"""The head's cameras as a calibration found them."""
+"""The head's cameras after calibration."""
 
 from pepper_drake.models.robot_calibration import RobotCalibration
 from pepper_drake.perception.cameras.camera import (
@@ -14,11 +14,11 @@ HEAD_CAMERA_MODELS = {
     "camera_bottom": CAMERA_BOTTOM,
     "camera_depth": CAMERA_DEPTH,
 }
-"""The cameras as in the model, by the station's name."""
+"""The model's cameras by the station's name."""
 
 
 def calibrated_cameras(calibration: RobotCalibration | None) -> dict[str, HeadCamera]:
-    """Returns the cameras that a calibration knows, by the station's name; none without one."""
+    """Returns the calibrated cameras by the station's name; none without a calibration."""
     if calibration is None:
         return {}
     cameras = {}

@@ -1,6 +1,6 @@
-"""Estimation of joint offsets, slacks and camera mountings from views of a marker on the hand.
+"""Estimates joint offsets, backlash and camera extrinsics from images of a marker on the hand.
 
-Nonlinear least squares over the corners in all images, with the usual sizes of wear as priors
+Nonlinear least squares over the corners in all images, with the usual amounts of wear as priors
 (maximum a posteriori), as in Pradeep, Konolige and Berger 2014, "Calibrating a multi-arm
 multi-sensor robot: a bundle adjustment approach" (doi 10.1007/978-3-642-28572-1_15).
 """
@@ -26,27 +26,27 @@ from pepper_drake.perception.goal.marker import marker_poses
 Vector = npt.NDArray[np.float64]
 
 FEWEST_POSTURES = 8
-"""With fewer postures seven joints and their slacks are not told apart from the mountings."""
+"""Smallest number of postures that separates errors of seven joints from camera extrinsics."""
 _ROUNDS = 4
-"""Rounds in which the corners' standard deviation is estimated along with the parameters."""
+"""Iterations in which the corners' standard deviation is estimated along with the parameters."""
 _SETTLED = 0.01
-"""They end when it changes by less than this share."""
+"""Relative change of this deviation at which the iterations end."""
 _LEAST_SIGMA = 0.02
-"""No corner is known better [pixel]."""
+"""Smallest standard deviation of a corner [pixel]."""
 _OUTLIER = 6.0
-"""Residuals of an image, in those of the median one, from which on it shows something else."""
+"""An image whose residual exceeds the median by this factor is an outlier."""
 _NAMED = 0.35
-"""Components of a unit vector from which on a parameter is named."""
+"""Smallest component of a unit vector for which a parameter is named."""
 
 
 @dataclass(frozen=True, eq=False)
 class MarkerErrors:
-    """Root mean square distances between the marker as seen and by the joints.
+    """Root mean square errors between the observed marker and the one predicted from the joints.
 
     Attributes:
-        position: Of its middle [m].
+        position: Error of its centre [m].
         rotation: Angle [rad].
-        image: Of its corners in the images [pixel].
+        image: Error of its corners in the images [pixel].
     """
 
     position: float
@@ -62,12 +62,12 @@ class CalibrationEstimate:
         model: The model with the parameters' names.
         parameters: (n,).
         covariance: (n, n), from the Jacobian and the measured residual.
-        before: Errors of the model as it is, with the marker put where it fits best.
+        before: Errors without calibration, with only the marker's pose fitted.
         after: Errors with the parameters.
-        held: Directions that the images tell less about than the priors, in words.
+        held: Directions determined more by the priors than by the images, in words.
         postures: Number of postures in which the marker was seen.
-        images: Number of images that were used.
-        left_out: Number of images left out, as they fit nothing.
+        images: Number of images used.
+        left_out: Number of outlier images.
     """
 
     model: MarkerModel
@@ -93,31 +93,31 @@ class _Fit:
         self.model, self.sightings = model, list(sightings)
         self._groups = []
         for camera in model.cameras:
-            own = [k for k, sighting in enumerate(sightings) if sighting.camera == camera]
-            if own:
-                joints = np.array([sightings[k].joints for k in own])
-                approach = np.array([sightings[k].approach for k in own])
-                self._groups.append((camera, own, joints, approach))
+            indices = [k for k, sighting in enumerate(sightings) if sighting.camera == camera]
+            if indices:
+                joints = np.array([sightings[k].joints for k in indices])
+                approach = np.array([sightings[k].approach for k in indices])
+                self._groups.append((camera, indices, joints, approach))
         self._seen = np.array([sighting.corners for sighting in sightings])
         self._sigma = np.array([sighting.corner_sigma for sighting in sightings])[:, None, None]
 
     def image_residuals(self, parameters: Vector) -> Vector:
-        """Corners by the model less corners as seen (N, 4, 2) [pixel]."""
+        """Returns predicted minus observed corners (N, 4, 2) [pixel]."""
         projected = np.empty_like(self._seen)
-        for camera, own, joints, approach in self._groups:
-            projected[own] = self.model.project(parameters, camera, joints, approach)
+        for camera, indices, joints, approach in self._groups:
+            projected[indices] = self.model.project(parameters, camera, joints, approach)
         return projected - self._seen
 
     def whitened(self, parameters: Vector) -> Vector:
-        """Image residuals in their standard deviations (8 N,)."""
-        # A marker that a trial step puts behind the camera is very far from where it was seen.
+        """Returns the image residuals divided by their standard deviations (8 N,)."""
+        # A trial step may put the marker behind the camera: a very large residual.
         residuals = np.nan_to_num(self.image_residuals(parameters), nan=1e4)
         return (residuals / self._sigma).ravel()
 
     def solve(
         self, free: npt.NDArray[np.bool_], scale: float, start: Vector | None = None
     ) -> tuple[Vector, Vector]:
-        """Returns the parameters (n,), zero where not free, and the images' Jacobian (8 N, m)."""
+        """Returns the parameters (n,), zero if not free, and the images' Jacobian (8 N, m)."""
         sigmas = self.model.prior_sigmas[free]
 
         def whole(x: Vector) -> Vector:
@@ -134,12 +134,12 @@ class _Fit:
         return whole(found.x), np.asarray(found.jac)[:count] * scale
 
     def errors(self, parameters: Vector) -> MarkerErrors:
-        """Distances of the marker in space and in the images."""
+        """Returns the marker's errors in space and in the images."""
         places, angles = [], []
-        for camera, own, joints, approach in self._groups:
+        for camera, indices, joints, approach in self._groups:
             R_CM, p_CM = self.model.marker_poses(parameters, camera, joints, approach)
             intrinsics = self.model.camera(parameters, camera).intrinsics
-            for k, R, p in zip(own, R_CM, p_CM, strict=True):
+            for k, R, p in zip(indices, R_CM, p_CM, strict=True):
                 seen = marker_poses(self._seen[k], self.model.marker.size, intrinsics)
                 if not seen:
                     continue
@@ -147,7 +147,7 @@ class _Fit:
                     np.arccos(np.clip((np.sum(R * s.X_CM.rotation().matrix()) - 1) / 2, -1, 1))
                     for s in seen
                 ]
-                best = int(np.argmin(turns))  # Of the two poses that look alike.
+                best = int(np.argmin(turns))  # One of the two ambiguous poses.
                 angles.append(float(turns[best]))
                 places.append(float(np.linalg.norm(seen[best].X_CM.translation() - p)))
 
@@ -168,7 +168,7 @@ def estimate_calibration(
         sightings: The marker in all images in which it was seen.
 
     Raises:
-        PepperDrakeError: The marker was seen in too few postures, or fits no such robot.
+        PepperDrakeError: The marker was seen, or fits the joints, in too few postures.
     """
     postures = {sighting.posture for sighting in sightings}
     if len(postures) < FEWEST_POSTURES:
@@ -197,7 +197,7 @@ def estimate_calibration(
         if abs(scale - before) < _SETTLED * scale:
             break
         parameters, jacobian = fit.solve(free, scale, parameters)
-    # Everything is in standard deviations of the priors here.
+    # Parameters are in units of their prior standard deviations here.
     information = jacobian.T @ jacobian / scale**2
     sigmas = model.prior_sigmas
     covariance = np.linalg.inv(information + np.eye(len(information))) * np.outer(sigmas, sigmas)
@@ -220,14 +220,14 @@ def estimate_calibration(
 def robot_calibration(
     estimate: CalibrationEstimate, *, robot: str, arm: str, reason: str, date: datetime
 ) -> RobotCalibration:
-    """Returns what is kept of an estimate.
+    """Returns the calibration to save.
 
     Args:
         estimate: The estimate.
         robot: Name of the robot.
         arm: "left" or "right".
         reason: Why it was calibrated.
-        date: When.
+        date: Time of the calibration.
     """
     model, before, after = estimate.model, estimate.before, estimate.after
     values, sigmas = estimate.parameters, estimate.sigmas
@@ -244,13 +244,13 @@ def robot_calibration(
     }
     cameras = {}
     for name in model.cameras:
-        own, spread = (v[model.camera_slice(name)].tolist() for v in (values, sigmas))
+        elements, spread = (v[model.camera_slice(name)].tolist() for v in (values, sigmas))
         cameras[name] = CameraCalibration(
-            position=own[:3],
+            position=elements[:3],
             position_sigma=spread[:3],
-            rotation=own[3:6],
+            rotation=elements[3:6],
             rotation_sigma=spread[3:6],
-            focal=1.0 + own[6],
+            focal=1.0 + elements[6],
             focal_sigma=spread[6],
         )
     return RobotCalibration(
@@ -274,30 +274,30 @@ def robot_calibration(
 
 
 def _consistent(residuals: Vector) -> npt.NDArray[np.bool_]:
-    """Which sightings (N,) do not stand out by their residuals (N, 4, 2) [pixel]."""
+    """Tells which sightings (N,) are inliers, by their residuals (N, 4, 2) [pixel]."""
     sizes = np.sqrt(np.mean(residuals**2, axis=(1, 2)))
     return np.asarray(sizes <= _OUTLIER * max(float(np.median(sizes)), _LEAST_SIGMA))
 
 
 def _residual_scale(fit: _Fit, parameters: Vector, jacobian: Vector, scale: float) -> float:
-    """Measured standard deviation of the corners, in those that the detector states.
+    """Returns the corners' measured standard deviation as a factor of the detector's.
 
-    The sum of squares has as many degrees of freedom as there are numbers, less those that the
-    parameters take: the trace of the influence matrix.
+    The degrees of freedom of the sum of squares are the number of residuals minus the trace of the
+    influence matrix.
     """
     whitened = fit.whitened(parameters)
     information = jacobian.T @ jacobian / scale**2
-    taken = float(np.trace(np.linalg.solve(information + np.eye(len(information)), information)))
+    fitted = float(np.trace(np.linalg.solve(information + np.eye(len(information)), information)))
     least = _LEAST_SIGMA / float(np.median([s.corner_sigma for s in fit.sightings]))
-    return max(float(np.sqrt(whitened @ whitened / (len(whitened) - taken))), least)
+    return max(float(np.sqrt(whitened @ whitened / (len(whitened) - fitted))), least)
 
 
 def _held_directions(names: Sequence[str], information: Vector) -> tuple[str, ...]:
-    """Names the directions about which the images tell less than the priors.
+    """Names the directions determined more by the priors than by the images.
 
     Args:
-        names: Of the parameters (n,).
-        information: Of the images (n, n), the parameters in standard deviations of their priors.
+        names: Names of the parameters (n,).
+        information: Information matrix of the images (n, n), in units of the priors' deviations.
     """
     values, vectors = np.linalg.eigh(information)
     return tuple(

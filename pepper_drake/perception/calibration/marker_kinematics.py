@@ -1,8 +1,8 @@
-"""Pixels of a marker on the hand in the head cameras' images, as a function of the errors.
+"""Projection of a marker on the hand into the head cameras' images, with errors as parameters.
 
-The chain runs from the camera over the head's two joints to the torso, and over the arm's five to
-the hand. Its errors are parameters: what each encoder says too much, the slack of each gear, where
-and how each camera is mounted, its focal length, and where the marker is on the hand.
+The kinematic chain runs from the camera through the head's two joints to the torso, and through the
+arm's five to the hand. Its errors are parameters: encoder offsets, backlash, the cameras'
+extrinsics and focal lengths, and the marker's pose on the hand.
 """
 
 import functools
@@ -37,14 +37,14 @@ _ANGLES = ("roll", "pitch", "yaw")
 
 @dataclass(frozen=True, eq=False)
 class MarkerSighting:
-    """The marker in one image, and what the joints measured then.
+    """The marker in one image, with the joints measured at that time.
 
     Attributes:
         camera: The station's name of the camera.
         joints: Encoders of head and arm (7,) [rad].
-        approach: Sense in which each joint last moved (7,), 1 or -1; 0 if that is not known.
+        approach: Direction in which each joint last moved (7,), 1 or -1; 0 if unknown.
         corners: Pixel coordinates (4, 2) of the marker's corners.
-        corner_sigma: Standard deviation of one of these [pixel].
+        corner_sigma: Standard deviation of one coordinate [pixel].
         posture: Number of the posture.
     """
 
@@ -58,10 +58,10 @@ class MarkerSighting:
 
 @dataclass(frozen=True)
 class PriorSigmas:
-    """Standard deviations of the errors before anything was seen.
+    """Prior standard deviations of the errors.
 
-    An error that is drawn evenly within ± a has a / sqrt(3); a vector of a length drawn evenly up
-    to a, in a direction drawn evenly, has a / 3 in each coordinate.
+    A uniform distribution within ± a has a / sqrt(3); a vector of uniform length up to a and
+    uniform direction has a / 3 in each coordinate.
     """
 
     offset: float
@@ -76,7 +76,7 @@ class PriorSigmas:
 
     @classmethod
     def of_wear(cls, sizes: WearSizes | None = None) -> "PriorSigmas":
-        """Returns those of a robot as worn as is usual."""
+        """Returns those of a robot with the usual wear."""
         sizes = WearSizes() if sizes is None else sizes
         return cls(
             offset=sizes.encoder_offset / np.sqrt(3.0),
@@ -88,18 +88,18 @@ class PriorSigmas:
 
 
 class MarkerModel:
-    """Corners of the marker in the images, for parameters (n,) of the whole chain.
+    """Predicts the marker's corners in the images from parameters (n,) of the whole chain.
 
-    The parameters are, in this order: offsets (7) of head and arm [rad]; slacks (7) from end to end
-    [rad]; of each camera position (3) [m], rotation (3) [rad] and relative error of its focal
-    length; the marker's position (3) [m] and rotation vector (3) [rad] on the hand. Zero means as
-    in the model.
+    The parameters are, in this order: encoder offsets (7) of head and arm [rad]; backlash (7) from
+    end to end [rad]; for each camera position (3) [m], rotation (3) [rad] and relative error of its
+    focal length; the marker's position (3) [m] and rotation vector (3) [rad] on the hand. All are
+    errors relative to the model.
 
     Attributes:
         joint_names: The seven joints.
         cameras: The station's names of the cameras.
-        names: What each parameter is called (n,).
-        prior_sigmas: Standard deviation of each before anything is seen (n,).
+        names: Names of the parameters (n,).
+        prior_sigmas: Their prior standard deviations (n,).
     """
 
     def __init__(
@@ -108,16 +108,16 @@ class MarkerModel:
         """Makes the model.
 
         Args:
-            arm: "left" or "right": the one that holds the marker.
+            arm: "left" or "right": the arm that holds the marker.
             marker: The marker.
             cameras: The station's names of the cameras that see it.
-            prior: How large the errors usually are.
+            prior: Prior standard deviations of the errors.
         """
         self.joint_names = (*JOINT_GROUPS["head"], *arm_joints(arm))
         self.cameras = tuple(cameras)
         self.marker = marker
         self._chain = arm_chain(arm)
-        # Most differences for a Jacobian leave the arm as it is.
+        # Most finite differences for the Jacobian do not change the arm.
         self._hand = functools.lru_cache(maxsize=8)(functools.partial(_hand_poses, arm))
         self._corners = marker_corners(marker.size)
         names = [f"{joint} offset" for joint in self.joint_names]
@@ -133,34 +133,34 @@ class MarkerModel:
 
     @property
     def arm_limits(self) -> tuple[Vector, Vector]:
-        """Lower and upper limits of the arm's joints (5,) [rad]."""
+        """Returns the lower and upper limits of the arm's joints (5,) [rad]."""
         return self._chain.lower, self._chain.upper
 
     def marker_places(self, arm_joints: Vector) -> Vector:
-        """p_TM (N, 3) [m] of the marker by the model, at the arm's joints (N, 5) [rad]."""
+        """Returns the nominal p_TM (N, 3) [m] of the marker at the arm's joints (N, 5) [rad]."""
         p_TH, R_TH = self._hand(arm_joints.tobytes())
         return np.asarray(p_TH + R_TH @ self.marker.pose().translation())
 
     def offsets(self, parameters: Vector) -> Vector:
-        """Offset of each encoder (7,) [rad]."""
+        """Returns the offset of each encoder (7,) [rad]."""
         return parameters[:_JOINTS]
 
     def slacks(self, parameters: Vector) -> Vector:
-        """Slack of each gear from end to end (7,) [rad]."""
+        """Returns the backlash of each joint from end to end (7,) [rad]."""
         return parameters[_JOINTS : 2 * _JOINTS]
 
     def camera_slice(self, camera: str) -> slice:
-        """Place of a camera's seven parameters."""
+        """Returns the indices of a camera's seven parameters."""
         start = 2 * _JOINTS + _OF_CAMERA * self.cameras.index(camera)
         return slice(start, start + _OF_CAMERA)
 
     def camera(self, parameters: Vector, name: str) -> HeadCamera:
-        """A camera with its errors."""
+        """Returns a camera with its errors applied."""
         x, y, z, roll, pitch, yaw, focal = parameters[self.camera_slice(name)].tolist()
         return moved_camera(HEAD_CAMERA_MODELS[name], (x, y, z), (roll, pitch, yaw), 1.0 + focal)
 
     def marker_pose(self, parameters: Vector) -> RigidTransform:
-        """X_HM of the marker as it was put on the hand."""
+        """Returns X_HM of the marker with its errors applied."""
         turn = Rotation.from_rotvec(parameters[-3:]).as_matrix()
         X = self.marker.pose()
         R = X.rotation().matrix() @ turn
@@ -169,24 +169,24 @@ class MarkerModel:
     def marker_poses(
         self, parameters: Vector, camera: str, joints: Vector, approach: Vector
     ) -> tuple[Vector, Vector]:
-        """Poses of the marker in a camera's frame.
+        """Returns the marker's poses in a camera's frame.
 
         Args:
             parameters: (n,).
             camera: The camera.
             joints: Encoders of head and arm (N, 7) [rad].
-            approach: Sense in which each joint last moved (N, 7).
+            approach: Direction in which each joint last moved (N, 7).
 
         Returns:
             R_CM (N, 3, 3) and p_CM (N, 3) [m].
         """
-        # A motor that has turned its joint one way is half of the slack ahead of it.
-        truly = joints - self.offsets(parameters) - 0.5 * approach * self.slacks(parameters)
-        p_TH, R_TH = self._hand(truly[:, 2:].tobytes())
+        # A motor that last moved in one direction leads its joint by half the backlash.
+        true_joints = joints - self.offsets(parameters) - 0.5 * approach * self.slacks(parameters)
+        p_TH, R_TH = self._hand(true_joints[:, 2:].tobytes())
         X_HM = self.marker_pose(parameters)
         R_TM = R_TH @ X_HM.rotation().matrix()
         p_TM = p_TH + R_TH @ X_HM.translation()
-        R_THead = Rotation.from_euler("ZY", truly[:, :2]).as_matrix()
+        R_THead = Rotation.from_euler("ZY", true_joints[:, :2]).as_matrix()
         X_HeadC = self.camera(parameters, camera).X_HeadC
         R_TC = R_THead @ X_HeadC.rotation().matrix()
         p_TC = P_T_NECK + R_THead @ X_HeadC.translation()
@@ -194,13 +194,13 @@ class MarkerModel:
         return R_CT @ R_TM, np.einsum("nij,nj->ni", R_CT, p_TM - p_TC)
 
     def project(self, parameters: Vector, camera: str, joints: Vector, approach: Vector) -> Vector:
-        """Pixel coordinates (N, 4, 2) of the marker's corners; see `marker_poses`."""
+        """Returns the pixel coordinates (N, 4, 2) of the marker's corners; see `marker_poses`."""
         R_CM, p_CM = self.marker_poses(parameters, camera, joints, approach)
         p_CK = np.einsum("nij,kj->nki", R_CM, self._corners) + p_CM[:, None]
         return self.camera(parameters, camera).intrinsics.project(p_CK)
 
 
 def _hand_poses(arm: str, joints: bytes) -> tuple[Vector, Vector]:
-    """p_TH (N, 3) [m] and R_TH (N, 3, 3) of an arm, at the bytes of its joints (N, 5) [rad]."""
+    """Returns p_TH (N, 3) [m] and R_TH (N, 3, 3) for the bytes of the joints (N, 5) [rad]."""
     p_TH, q_TH = arm_chain(arm).hand(np.frombuffer(joints).reshape(-1, 5))
     return p_TH, Rotation.from_quat(q_TH, scalar_first=True).as_matrix()

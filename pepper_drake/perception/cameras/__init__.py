@@ -1,1 +1,1 @@
-"""Camera models, their noise, and images that are still being rendered."""
+"""Camera models, sensor noise, image files and asynchronous images."""

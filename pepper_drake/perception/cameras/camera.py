@@ -1,8 +1,8 @@
-"""Camera models: intrinsics with distortion, mounting on the head, rendering.
+"""Camera models: intrinsics with distortion, extrinsics on the head, rendering.
 
 Pixel coordinates are OpenCV's throughout: integer `k` is the centre of pixel `k`. Drake's renderer
-puts that centre at `k + 0.5`, so its principal point is half a pixel larger; only
-`make_render_cameras` knows about that.
+has that centre at `k + 0.5`, so its principal point is half a pixel larger; `make_render_cameras`
+converts.
 """
 
 import functools
@@ -25,13 +25,13 @@ from pydrake.systems.sensors import CameraInfo
 from pepper_drake.errors import InputError
 
 _CLOSEST = 0.05
-"""Depth from which on depths are rendered [m]."""
+"""Smallest rendered depth [m]."""
 
 _LARGEST_IMAGE = 20_000
-"""Most pixels that a side of an image may have: more than any camera has."""
+"""Largest width and height of an image [pixels]: more than any camera's."""
 
 _LARGEST_DISTORTION = 1e4
-"""Largest coefficient of distortion; those of the rational model may be tens."""
+"""Largest distortion coefficient; those of the rational model may be tens."""
 
 _LARGEST_FOCAL = 1e6
 """Largest focal length [pixels]: that of a telescope."""
@@ -39,21 +39,21 @@ _LARGEST_FOCAL = 1e6
 
 @dataclass(frozen=True)
 class CameraIntrinsics:
-    """A pinhole camera with the distortion of OpenCV's calibration.
+    """A pinhole camera with OpenCV's distortion model.
 
-    The distortion is that of Brown and Conrady, or with eight coefficients the rational model.
+    The model is that of Brown and Conrady, or with eight coefficients the rational model.
 
     Attributes:
         width: Image width [pixels].
         height: Image height [pixels].
         focal_x: Focal length along image x [pixels].
         focal_y: Focal length along image y [pixels].
-        center_x: Principal point [pixels]; `(width - 1) / 2` is the image's middle.
+        center_x: Principal point [pixels]; `(width - 1) / 2` is the image's centre.
         center_y: Principal point [pixels].
-        distortion: `(k1, k2, p1, p2[, k3[, k4, k5, k6]])`, in OpenCV's order and meaning, in any
-            container; none is no distortion. Kept as 5 or 8 numbers.
-        near: Nearest depth that it measures or draws [m].
-        far: Farthest depth that it measures or draws [m].
+        distortion: `(k1, k2, p1, p2[, k3[, k4, k5, k6]])`, as in OpenCV, in any container; empty
+            for no distortion. Stored as 5 or 8 numbers.
+        near: Smallest depth that it measures or renders [m].
+        far: Largest depth that it measures or renders [m].
     """
 
     width: int
@@ -67,11 +67,11 @@ class CameraIntrinsics:
     far: float = 10.0
 
     def __repr__(self) -> str:
-        """Short, as signatures have cameras as defaults."""
+        """Returns a short text, as cameras are default arguments in signatures."""
         return f"CameraIntrinsics({self.width} x {self.height}, focal length {self.focal_x:.1f})"
 
     def __post_init__(self) -> None:
-        # As a tuple, so that a camera can be hashed.
+        # A tuple is hashable.
         object.__setattr__(self, "distortion", _checked_distortion(self.distortion))
         if self.width <= 0 or self.height <= 0:
             raise InputError(f"camera: image size {self.width}x{self.height} must be positive.")
@@ -105,7 +105,7 @@ class CameraIntrinsics:
         near: float = 0.05,
         far: float = 10.0,
     ) -> "CameraIntrinsics":
-        """Makes a camera of square pixels and centred principal point from its field of view.
+        """Makes a camera with square pixels and centred principal point from its field of view.
 
         Args:
             width: Image width [pixels].
@@ -132,7 +132,7 @@ class CameraIntrinsics:
 
     @property
     def matrix(self) -> npt.NDArray[np.float64]:
-        """The camera matrix K, (3, 3)."""
+        """Returns the camera matrix K (3, 3)."""
         return np.array(
             [
                 [self.focal_x, 0.0, self.center_x],
@@ -143,17 +143,17 @@ class CameraIntrinsics:
 
     @property
     def distortion_coefficients(self) -> npt.NDArray[np.float64]:
-        """The distortion as OpenCV takes it, (5,) or (8,)."""
+        """Returns the distortion as OpenCV takes it, (5,) or (8,)."""
         return np.array(self.distortion)
 
     @property
     def is_distorted(self) -> bool:
-        """True if any distortion coefficient is non-zero."""
+        """Tells whether any distortion coefficient is non-zero."""
         return any(self.distortion)
 
     @functools.cached_property
     def numbers(self) -> npt.NDArray[np.float64]:
-        """Focal lengths, principal point and eight coefficients of distortion (12,)."""
+        """Returns focal lengths, principal point and eight distortion coefficients (12,)."""
         pinhole = (self.focal_x, self.focal_y, self.center_x, self.center_y)
         return np.array((*pinhole, *self.distortion, 0.0, 0.0, 0.0)[:12])
 
@@ -171,7 +171,7 @@ class CameraIntrinsics:
         )
 
     def scaled(self, factor: int) -> "CameraIntrinsics":
-        """Returns a camera with `factor` times as many pixels along each axis, the same view."""
+        """Returns a camera of the same field of view with `factor` times the pixels per axis."""
         return CameraIntrinsics(
             self.width * factor,
             self.height * factor,
@@ -185,15 +185,15 @@ class CameraIntrinsics:
         )
 
     def resized(self, width: int, height: int) -> "CameraIntrinsics":
-        """Returns the camera of images that were resized as a whole.
+        """Returns the camera of images that were resized without cropping.
 
         Args:
             width: Width of the resized images [pixels].
             height: Height of the resized images [pixels].
 
         Raises:
-            InputError: If that changes the ratio of the sides by more than half a pixel: such an
-                image was cut.
+            InputError: If that changes the aspect ratio by more than half a pixel, as cropping
+                does.
         """
         x, y = width / self.width, height / self.height
         if not (x > 0 and y > 0) or abs(x - y) > 0.5 * max(x / height, y / width):
@@ -207,7 +207,7 @@ class CameraIntrinsics:
             height=height,
             focal_x=self.focal_x * x,
             focal_y=self.focal_y * y,
-            # The first pixel's centre is at 0.
+            # The centre of the first pixel is at 0.
             center_x=(self.center_x + 0.5) * x - 0.5,
             center_y=(self.center_y + 0.5) * y - 0.5,
         )
@@ -237,7 +237,7 @@ class CameraIntrinsics:
         )
 
     def sees(self, p_CP: npt.ArrayLike, margin: float = 0.0) -> npt.NDArray[np.bool_]:
-        """Tells which points fall into the image, at least `margin` pixels from its border.
+        """Tells which points are in the field of view, at least `margin` pixels from its border.
 
         Args:
             p_CP: Points in the camera frame, (..., 3) [m].
@@ -250,7 +250,7 @@ class CameraIntrinsics:
 
 
 def _checked_distortion(distortion: npt.ArrayLike) -> tuple[float, ...]:
-    """Distortion coefficients of any number that OpenCV has as 5 or 8 numbers."""
+    """Converts OpenCV's distortion coefficients of any allowed number to 5 or 8 numbers."""
     try:
         numbers = np.asarray(distortion, dtype=float).ravel()
     except (TypeError, ValueError) as error:
@@ -277,12 +277,12 @@ def _checked_distortion(distortion: npt.ArrayLike) -> tuple[float, ...]:
 def pixel_rays(intrinsics: CameraIntrinsics, stride: int = 1) -> npt.NDArray[np.float32]:
     """Returns the ray of every `stride`-th pixel, scaled to unit depth.
 
-    A pixel of depth z sees the point `z * ray` in the camera frame. The first pixel taken is
-    `stride // 2`, so that the taken ones lie evenly in the image.
+    A pixel of depth z shows the point `z * ray` in the camera frame. The first pixel used is
+    `stride // 2`, so that the pixels used are distributed evenly.
 
     Args:
         intrinsics: The camera; its distortion is undone.
-        stride: Step between taken pixels along both axes.
+        stride: Step between pixels along both axes.
 
     Returns:
         Read-only array (rows, columns, 3).
@@ -309,7 +309,7 @@ def pixel_rays(intrinsics: CameraIntrinsics, stride: int = 1) -> npt.NDArray[np.
 
 @functools.lru_cache(maxsize=32)
 def ray_lengths(intrinsics: CameraIntrinsics, stride: int = 1) -> npt.NDArray[np.float32]:
-    """Returns the lengths (rows, columns) of `pixel_rays`: distance of a point of unit depth."""
+    """Returns the lengths (rows, columns) of `pixel_rays`: distance of a point at unit depth."""
     lengths = np.linalg.norm(pixel_rays(intrinsics, stride), axis=-1)
     lengths.setflags(write=False)
     return lengths
@@ -319,7 +319,7 @@ def ray_lengths(intrinsics: CameraIntrinsics, stride: int = 1) -> npt.NDArray[np
 def distortion_maps(
     intrinsics: CameraIntrinsics,
 ) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]:
-    """Returns the maps with which `cv2.remap` bends an ideal image into the distorted one."""
+    """Returns the maps with which `cv2.remap` distorts an ideal image."""
     xy = pixel_rays(intrinsics)[..., :2].astype(float)
     center = np.array([intrinsics.center_x, intrinsics.center_y])
     source = xy * np.array([intrinsics.focal_x, intrinsics.focal_y]) + center
@@ -330,11 +330,11 @@ def distortion_maps(
 def make_render_cameras(
     intrinsics: CameraIntrinsics, renderer_name: str
 ) -> tuple[ColorRenderCamera, DepthRenderCamera]:
-    """Makes the cameras with which Drake renders what these intrinsics see, without distortion.
+    """Makes Drake's render cameras for these intrinsics, without distortion.
 
     Args:
         intrinsics: The camera; near and far become the depth range.
-        renderer_name: Name under which the render engine was added to the scene graph.
+        renderer_name: Name of the render engine in the scene graph.
     """
     info = CameraInfo(
         intrinsics.width,
@@ -344,26 +344,26 @@ def make_render_cameras(
         intrinsics.center_x + 0.5,
         intrinsics.center_y + 0.5,
     )
-    # The clipping plane is nearer than the depth range: a thing too near to measure still hides
-    # what is behind it.
+    # The clipping plane is nearer than the depth range: an object too near to be measured still
+    # occludes.
     clipping = ClippingRange(min(0.01, intrinsics.near), intrinsics.far + 2.0)
     core = RenderCameraCore(renderer_name, info, clipping, RigidTransform())
     return (
         ColorRenderCamera(core),
-        # What is too near to be measured still keeps the projector's light away.
+        # An object too near to be measured still blocks the projector's light.
         DepthRenderCamera(core, DepthRange(min(_CLOSEST, intrinsics.near), intrinsics.far)),
     )
 
 
 @dataclass(frozen=True)
 class HeadCamera:
-    """One of Pepper's cameras: what it sees and where it sits on the link `Head`.
+    """One of Pepper's cameras: intrinsics, and extrinsics on the link `Head`.
 
     Attributes:
         name: NAOqi's name; the optical frame is `<name>_optical_frame`.
-        intrinsics: The lens and sensor.
+        intrinsics: The intrinsics.
         p_HeadC: Position of the optical centre in the Head frame [m].
-        tilt: Angle by which the camera looks down from the Head's x axis [rad].
+        tilt: Downward tilt of the optical axis from the Head's x axis [rad].
         misalignment: Small rotation of the optical frame, roll, pitch and yaw in it [rad].
     """
 
@@ -374,17 +374,17 @@ class HeadCamera:
     misalignment: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __repr__(self) -> str:
-        """Short, as signatures have cameras as defaults."""
+        """Returns a short text, as cameras are default arguments in signatures."""
         return f"HeadCamera({self.name})"
 
     @property
     def frame_name(self) -> str:
-        """Name of the optical frame in Pepper's model."""
+        """Returns the name of the optical frame in Pepper's model."""
         return f"{self.name}_optical_frame"
 
     @functools.cached_property
     def X_HeadC(self) -> RigidTransform:
-        """Pose of the optical frame (z along the view, x right, y down) in the Head frame."""
+        """Returns the pose of the optical frame (z forward, x right, y down) in the Head frame."""
         X_HeadC = RigidTransform(RollPitchYaw(0, self.tilt, 0), self.p_HeadC) @ RigidTransform(
             RollPitchYaw(-math.pi / 2, 0, -math.pi / 2), np.zeros(3)
         )
@@ -399,10 +399,10 @@ def moved_camera(
     rotation: tuple[float, float, float],
     focal: float,
 ) -> HeadCamera:
-    """Returns a camera that is mounted and made a little differently.
+    """Returns a camera with slightly different extrinsics and focal length.
 
     Args:
-        camera: As it should be.
+        camera: The nominal camera.
         position: Offset of the optical centre in the Head frame [m].
         rotation: Rotation of the optical frame, roll, pitch and yaw in it [rad].
         focal: Factor of both focal lengths.
@@ -420,8 +420,8 @@ def moved_camera(
     )
 
 
-# Distortion as calibrated on real Peppers (their driver's published calibrations); fields of view
-# and positions as in the vendor's documentation.
+# Distortion from calibrations of real Peppers, published with their driver; fields of view and
+# positions from the vendor's documentation.
 CAMERA_TOP = HeadCamera(
     "CameraTop",
     CameraIntrinsics.from_vertical_fov(640, 480, 0.7627, distortion=(-0.05, 0.06, 0.0, 0.0, 0.0)),

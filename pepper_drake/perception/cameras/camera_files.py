@@ -1,9 +1,9 @@
 """Reads a camera's intrinsics from the files that calibration tools write.
 
-Read are ROS `camera_info` (the YAML of `camera_calibration` and a printed `CameraInfo` message),
-OpenCV's FileStorage (YAML, JSON or XML, as its calibration samples write it), files that give focal
-lengths and principal point one by one (Kalibr, EuRoC, RealSense, ORB-SLAM, VINS), and NAOqi's names
-of camera and resolution with their fields of view.
+Supported are ROS `camera_info` (the YAML of `camera_calibration` and a printed `CameraInfo`
+message), OpenCV's FileStorage (YAML, JSON or XML, as its calibration samples write it), files with
+separate focal lengths and principal point (Kalibr, EuRoC, RealSense, ORB-SLAM, VINS), and NAOqi's
+names of camera and resolution with their fields of view.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ _MODEL_NAMES = (
 )  # fmt: skip
 
 _OFF_CENTRE = 0.15
-"""The principal point is nearer to the image's middle than this share of its size."""
+"""Largest offset of the principal point from the image's centre, as a fraction of its size."""
 
 _LARGEST = 2**20
 """Largest calibration file [bytes]."""
@@ -90,14 +90,13 @@ def load_intrinsics(path: str | Path) -> CameraIntrinsics:
     """Reads the intrinsics of one camera.
 
     Args:
-        path: A ROS `camera_info` YAML, an OpenCV FileStorage (YAML, JSON, XML) or a YAML with
-            `camera` and `resolution` as NAOqi names them.
+        path: A file of a supported format; see the module.
 
     Returns:
-        The intrinsics, in OpenCV's pixel coordinates as all these files have them.
+        The intrinsics, in OpenCV's pixel coordinates like all these formats.
 
     Raises:
-        InputError: If the file is not one of these, lacks something, or is of a fisheye lens.
+        InputError: If the format is unsupported, an entry is missing, or the lens is a fisheye.
     """
     path = Path(path)
     return _intrinsics(_read(path), str(path))
@@ -109,12 +108,12 @@ def _read(path: Path) -> dict[str, Any]:
     if text.lstrip().startswith(("<?xml", "<opencv_storage")):
         storage = _read_xml_storage(text, path)
         return {name: _plain(value) for name, value in storage.items()}
-    # A file storage of OpenCV is YAML or JSON but for its first line and the name of its matrices.
-    # OpenCV itself is not asked: its parser crashes on damaged files.
+    # An OpenCV FileStorage is YAML or JSON except for its first line and the tag of its matrices.
+    # OpenCV's own parser is not used, as it crashes on damaged files.
     text, of_opencv = re.subn(r"^%YAML[: ]1\.[0-9]+", "", text.lstrip(), count=1)
-    if of_opencv:  # It takes `name:2` for an entry; YAML does not.
+    if of_opencv:  # It accepts `name:2` as an entry; YAML does not.
         text = re.sub(r"^([ \t]*[\w.]+):(?=[-+.\d\[\"])", r"\1: ", text, flags=re.MULTILINE)
-    text = re.sub(r"\n---\s*\Z", "\n", text)  # As ROS prints a message.
+    text = re.sub(r"\n---\s*\Z", "\n", text)  # The end of a message printed by ROS.
     if text.startswith("# oST"):
         raise InputError(f"{path}: is ROS's old INI file; give the YAML that is written beside it.")
     text = re.sub(r"!!(?:opencv-matrix|opencv-nd-matrix|map)", "", text)
@@ -133,14 +132,14 @@ def _read(path: Path) -> dict[str, Any]:
         )
     if cameras and isinstance(content[cameras[0]], dict):
         content = content[cameras[0]]
-    for name in ("projection_parameters", "distortion_parameters"):  # Of VINS and camodocal.
+    for name in ("projection_parameters", "distortion_parameters"):  # VINS and camodocal.
         if isinstance(content.get(name), dict):
             content = {**content, **content[name]}
     return {str(name): _plain(value) for name, value in content.items()}
 
 
 def _plain(value: Any) -> Any:
-    """A matrix written as `rows`, `cols`, `data` as an array; all else as it is."""
+    """Converts a matrix written as `rows`, `cols`, `data` to an array; leaves other values."""
     if isinstance(value, dict) and "data" in value:
         data = _numbers(value["data"])
         rows, columns = value.get("rows"), value.get("cols")
@@ -153,9 +152,9 @@ def _plain(value: Any) -> Any:
 
 
 def _read_xml_storage(text: str, path: Path) -> dict[str, Any]:
-    """Reads OpenCV's XML: matrices become dictionaries, other entries texts."""
+    """Reads OpenCV's XML: matrices become dictionaries, other entries strings."""
     refused = InputError(f"{path}: is no XML of a file storage of OpenCV.")
-    if "<!" in text.replace("<!--", ""):  # Declarations may stand for gigabytes.
+    if "<!" in text.replace("<!--", ""):  # Entity declarations may expand to gigabytes.
         raise refused
     try:
         root = ElementTree.fromstring(text)
@@ -175,7 +174,7 @@ def _read_xml_storage(text: str, path: Path) -> dict[str, Any]:
 
 
 def _numbers(value: Any) -> npt.NDArray[np.float64] | None:
-    """A list, matrix or text of numbers as a flat array; None if it is no such thing."""
+    """Converts a list, matrix or string of numbers to a flat array; None if it is neither."""
     if isinstance(value, str):
         value = re.split(r"[\s,;]+", value.strip("[]() \t\n"))
     if isinstance(value, np.ndarray | Iterable) and not isinstance(value, Mapping):
@@ -194,7 +193,7 @@ def _first(entries: Mapping[str, Any], names: Iterable[str]) -> tuple[str, Any] 
 
 
 def _entry(entries: Mapping[str, Any], name: str) -> Any:
-    """An entry, None if it is missing; a matrix as a list, which like all else is true or not."""
+    """Returns an entry, None if missing; an array as a list, for use in boolean expressions."""
     value = entries.get(name)
     return value.tolist() if isinstance(value, np.ndarray) else value
 
@@ -224,7 +223,7 @@ def _intrinsics(entries: Mapping[str, Any], where: str) -> CameraIntrinsics:
 
 
 def _parameters(entries: Mapping[str, Any]) -> tuple[str, Any] | None:
-    """A camera matrix of focal lengths and principal point that are given one by one."""
+    """Makes a camera matrix from separate entries for focal lengths and principal point."""
     listed = _numbers(entries.get("intrinsics", ()))
     if listed is not None and listed.size == 4:
         name, values = "intrinsics", list(listed)
@@ -244,13 +243,13 @@ def make_intrinsics(
     *,
     where: str = "camera",
 ) -> CameraIntrinsics:
-    """Makes intrinsics of a camera matrix as OpenCV's calibration returns it.
+    """Makes intrinsics from a camera matrix, as returned by OpenCV's calibration.
 
     Args:
         matrix: K (3, 3) [pixels].
         distortion: 0, 4, 5 or 8 coefficients in OpenCV's order, in any container.
-        size: Width and height of the images that K belongs to [pixels].
-        where: Named in errors.
+        size: Width and height of the calibrated images [pixels].
+        where: Prefix of error messages.
     """
     lower = np.array([matrix[1, 0], matrix[2, 0], matrix[2, 1], matrix[2, 2] - 1.0])
     if not np.all(np.isfinite(matrix)) or np.abs(lower).max() > 1e-9:
@@ -275,7 +274,7 @@ def make_intrinsics(
 
 
 def _refuse_other_lenses(entries: Mapping[str, Any], where: str) -> None:
-    """Raises for what is no pinhole image of the whole sensor."""
+    """Raises InputError unless the images are pinhole images of the whole sensor."""
     for name in _MODEL_NAMES:
         model = str(_entry(entries, name) or "").strip().lower().removeprefix("distortion.")
         is_fisheye = bool(_entry(entries, "fisheye_model")) or "xi" in entries
@@ -308,7 +307,7 @@ def _refuse_other_lenses(entries: Mapping[str, Any], where: str) -> None:
 
 
 def _number(entries: Mapping[str, Any], name: str, where: str) -> float:
-    """An entry that is one number; 0 if it is missing or empty."""
+    """Returns an entry that must be one number; 0 if it is missing or empty."""
     value = _entry(entries, name) or 0.0
     numbers = _numbers(value if isinstance(value, str | list) else [value])
     if numbers is None or numbers.size != 1:
@@ -364,10 +363,9 @@ def _image_size(entries: Mapping[str, Any], where: str) -> tuple[int, int]:
 
 
 def _naoqi(entries: Mapping[str, Any], where: str) -> CameraIntrinsics:
-    """A camera by NAOqi's name or number, and a resolution by name or number.
+    """Makes a camera from NAOqi's names or numbers of camera and resolution.
 
-    `horizontal_fov` and `vertical_fov` [rad], as ALVideoDevice gives them, are the camera's own if
-    left out.
+    `horizontal_fov` and `vertical_fov` [rad], as given by ALVideoDevice, default to the camera's.
     """
     camera = entries["camera"]
     by_name = {head.name: head for head in _NAOQI_CAMERAS.values()}
@@ -413,7 +411,7 @@ def _naoqi(entries: Mapping[str, Any], where: str) -> CameraIntrinsics:
 
 @dataclass(frozen=True)
 class StereoCalibration:
-    """Two cameras fixed to each other, with the full rotation between them.
+    """A calibrated stereo pair, with any rotation between the cameras.
 
     Attributes:
         left: Intrinsics of the left camera.
@@ -443,12 +441,12 @@ class StereoCalibration:
 
 
 def load_stereo(path: str | Path, *, unit: float = 1.0) -> StereoCalibration:
-    """Reads what OpenCV's `stereo_calib` sample writes: M1, D1, M2, D2, R, T and the image size.
+    """Reads a calibration as written by OpenCV's `stereo_calib` sample.
 
     Args:
         path: A FileStorage with `M1`, `D1`, `M2`, `D2`, `R`, `T` (p_R = R p_L + T) and
             `image_width`, `image_height` or `image_size`.
-        unit: Length of the unit of T [m]: that of the chessboard's squares in the calibration.
+        unit: Unit of T [m]: that of the chessboard's squares in the calibration.
     """
     path = Path(path)
     entries, where = _read(path), str(path)

@@ -20,12 +20,12 @@ from pepper_drake.files import read_bytes
 _LARGEST = 128 * 2**20
 """Largest image file [bytes]."""
 _MOST_PIXELS = 2**26
-"""Pixels of the largest image: a small file may claim to hold billions."""
+"""Largest number of pixels: the header of a small file may claim billions."""
 _FORMATS = ("PNG", "JPEG", "BMP", "PPM", "WEBP", "JPEG2000")
 
 
 def read_image(path: str | Path) -> npt.NDArray[Any]:
-    """Reads an image as OpenCV does, with all its bits and channels, colours in the order BGR.
+    """Reads an image with all its bits and channels, colours in the order BGR.
 
     Args:
         path: PNG, JPEG, TIFF, BMP, PNM, WebP or JPEG 2000.
@@ -34,7 +34,7 @@ def read_image(path: str | Path) -> npt.NDArray[Any]:
         (height, width[, channels]).
 
     Raises:
-        InputError: There is no such file, it is no image, is damaged, or is too large.
+        InputError: The file does not exist, is no image, is damaged, or is too large.
     """
     path = Path(path)
     content = np.frombuffer(read_bytes(path, _LARGEST), np.uint8)
@@ -60,10 +60,10 @@ def read_image(path: str | Path) -> npt.NDArray[Any]:
 
 
 def write_image(path: Path, image: npt.NDArray[Any]) -> None:
-    """Writes an image, colours in the order BGR; OpenCV's own writer is silent where it cannot.
+    """Writes an image, colours in the order BGR; unlike OpenCV's writer it raises on failure.
 
     Args:
-        path: The file, whose suffix says the format.
+        path: The file; its suffix determines the format.
         image: (height, width[, channels]), 8 or 16 bits.
 
     Raises:
@@ -73,9 +73,9 @@ def write_image(path: Path, image: npt.NDArray[Any]) -> None:
 
 
 def _decode(content: npt.NDArray[np.uint8], how: int) -> npt.NDArray[Any] | None:
-    """The image that a file's bytes hold, None if there is none.
+    """Decodes an image, None on failure.
 
-    What OpenCV's libraries write to the terminal about a damaged one goes nowhere: an app says it.
+    Messages of OpenCV's libraries about damaged images are suppressed: the caller reports them.
     """
     sys.stderr.flush()
     terminal, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
@@ -91,14 +91,14 @@ def _decode(content: npt.NDArray[np.uint8], how: int) -> npt.NDArray[Any] | None
 
 
 def _claimed_pixels(content: npt.NDArray[np.uint8], path: Path) -> float:
-    """Number of pixels that an image's header claims."""
+    """Returns the number of pixels according to an image's header."""
     data = content.tobytes()
     stream = io.BytesIO(data)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if data[:4] in (b"II*\0", b"MM\0*"):
-                # Of its kinds OpenCV reads more than Pillow: 64-bit floats, three of 32 bits.
+                # OpenCV reads more TIFF formats than Pillow: 64-bit floats, three channels of 32.
                 tags = TiffImagePlugin.ImageFileDirectory_v2(data[:8])
                 stream.seek(tags.next)
                 tags.load(stream)
@@ -114,7 +114,7 @@ def _claimed_pixels(content: npt.NDArray[np.uint8], path: Path) -> float:
 
 
 def read_depth(path: str | Path) -> npt.NDArray[Any]:
-    """Reads a depth image as it is stored; `depth_in_metres` says what its values mean.
+    """Reads a depth image with its stored values; see `depth_in_metres` for their meaning.
 
     Args:
         path: A 16-bit PNG, a TIFF, or an array in an NPY or NPZ file (the only one, or `depth`).

@@ -1,4 +1,4 @@
-"""An image that is still being made: rendering goes on beside the simulation."""
+"""An image that may still be rendering in the background."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
@@ -13,22 +13,22 @@ Pixels = npt.NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class ImageFuture:
-    """Pixels that some thread is making, or has made. Never changed once made.
+    """Pixels computed on a background thread; immutable.
 
     Attributes:
-        future: Gives the pixels (height, width, channels).
-        executor: The single thread on which they are made, one image after the other.
+        future: Future of the pixels (height, width, channels).
+        executor: The single thread that computes them, one image after the other.
     """
 
     future: "Future[Pixels]"
     executor: Executor
 
     def pixels(self) -> Pixels:
-        """Waits for the pixels (height, width, channels)."""
+        """Waits for the pixels and returns them (height, width, channels)."""
         return self.future.result()
 
     def then(self, change: Callable[[Pixels], Pixels]) -> "ImageFuture":
-        """Has the same thread make another image of this one, once it is there."""
+        """Has the same thread transform this image once it is ready."""
         return ImageFuture(self.executor.submit(lambda: change(self.pixels())), self.executor)
 
     def __deepcopy__(self, memo: dict) -> "ImageFuture":
@@ -36,11 +36,11 @@ class ImageFuture:
         return self
 
 
-class _Immediately(Executor):
-    """Does at once, on the calling thread, what it is asked for."""
+class _ImmediateExecutor(Executor):
+    """Runs functions immediately on the calling thread."""
 
     def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
-        """Runs the function and returns its result as a future that is done."""
+        """Runs the function and returns its result as a completed future."""
         future: Future = Future()
         try:
             future.set_result(fn(*args, **kwargs))
@@ -49,14 +49,14 @@ class _Immediately(Executor):
         return future
 
 
-_IMMEDIATELY = _Immediately()
+_IMMEDIATE = _ImmediateExecutor()
 
 
 def completed_image(pixels: Pixels) -> ImageFuture:
-    """Wraps pixels (height, width, channels) that are there already."""
-    return ImageFuture(_IMMEDIATELY.submit(lambda: pixels), _IMMEDIATELY)
+    """Wraps existing pixels (height, width, channels)."""
+    return ImageFuture(_IMMEDIATE.submit(lambda: pixels), _IMMEDIATE)
 
 
 def empty_image() -> ImageFuture:
-    """An image of no pixels (0, 0, 4)."""
+    """Returns an image without pixels (0, 0, 4)."""
     return completed_image(np.zeros((0, 0, 4), np.uint8))

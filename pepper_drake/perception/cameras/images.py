@@ -1,4 +1,4 @@
-"""Images of any kind as the one kind that is worked with: 8-bit grey or RGB."""
+"""Conversion of images of any type to 8 bits, and to grey."""
 
 from typing import Any
 
@@ -13,22 +13,22 @@ Image = npt.NDArray[np.uint8]
 COLOR_ORDERS = ("rgb", "bgr")
 """Orders of the first three channels; a fourth is transparency."""
 _FEWEST_LEVELS = 1024
-"""Pixels of 16 bits that all are darker than this use the lowest bits alone."""
+"""A 16-bit image with all pixels below this uses only the lowest bits."""
 _CHANNELS = (1, 3, 4)
 
 
 def to_8_bit(image: npt.NDArray[Any]) -> Image:
-    """Returns an image's pixels as 8 bits.
+    """Converts an image to 8 bits.
 
     Args:
-        image: (height, width[, channels]) of 8 or 16 bits without sign, of floating numbers from 0
-            to 1, or of truth values.
+        image: (height, width[, channels]) of unsigned 8 or 16 bits, floating-point numbers from 0
+            to 1, or booleans.
 
     Returns:
         The same shape; the image itself if it has 8 bits.
 
     Raises:
-        InputError: If its type, its range or its shape is none of an image's.
+        InputError: If its type, range or shape is not that of an image.
     """
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in _CHANNELS):
         raise InputError(
@@ -56,12 +56,12 @@ def to_8_bit(image: npt.NDArray[Any]) -> Image:
 
 
 def to_gray(image: npt.NDArray[Any], *, order: str = "rgb") -> Image:
-    """Returns an image's brightness (height, width).
+    """Converts an image to 8-bit grey (height, width).
 
     Args:
         image: (height, width[, channels]): grey, colour or colour with transparency, of any type
-            that `to_8_bit` takes.
-        order: "rgb", or "bgr" for images that OpenCV read.
+            that `to_8_bit` accepts.
+        order: "rgb", or "bgr" for images read by OpenCV.
     """
     image = to_8_bit(image)
     if image.ndim == 2:

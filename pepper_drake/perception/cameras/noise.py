@@ -1,8 +1,8 @@
-"""Sensor noise of rendered images: colour noise, depth noise, quantisation, lost pixels.
+"""Sensor noise of rendered images: colour noise, depth noise, quantisation, dropouts.
 
-Every function is a function of its arguments alone: the same seed and frame number give the same
-image. Normal deviates come from a field that is drawn once for a seed and read from a place that
-the frame number chooses, since drawing a million of them anew would cost more than rendering.
+The functions are deterministic: the same seed and frame number give the same image. Normal deviates
+come from a field that is drawn once per seed and read at an offset chosen by the frame number,
+since drawing a million of them for each frame would cost more than rendering.
 """
 
 import functools
@@ -23,7 +23,7 @@ from pepper_drake.perception.cameras.structured_light import (
 )
 
 _SHIFTS = 96
-"""Number of places along each axis at which the field of deviates is read."""
+"""Number of offsets along each axis at which the field of deviates is read."""
 
 
 @dataclass(unsafe_hash=True)
@@ -31,7 +31,7 @@ class ColorNoise:
     """Noise of a small colour camera.
 
     Attributes:
-        sigma: Standard deviation of every channel of every pixel, grey levels.
+        sigma: Standard deviation of every channel of every pixel [grey levels].
     """
 
     sigma: float = 3.0
@@ -46,21 +46,20 @@ class DepthNoise:
 
     Attributes:
         floor: Standard deviation at 0.4 m [m].
-        growth: Growth with the square of the distance, 1/m.
-        edge_jump: Smallest step between neighbouring pixels that counts as an edge, as a share
+        growth: Growth with the square of the distance [1/m].
+        edge_jump: Smallest step between neighbouring pixels that counts as an edge, as a fraction
             of the depth.
-        edge_loss: Share of edge pixels that return nothing.
-        edge_mix: Share of edge pixels that return a depth between the two surfaces.
-        loss: Share of all pixels that return nothing.
-        baseline: Place of the infrared projector along the camera's x axis [m]: what a nearer
-            surface keeps in its shadow returns nothing. 0 for a camera without a projector, which
-            is not quantised either.
-        disparity_step: Least displacement of the pattern that is told apart [pixels]; an eighth of
-            a pixel of a sensor of twice as many.
-        grazing: Cosine of the angle of incidence below which surfaces begin to return nothing; at
-            half of it all do.
-        dark_share: Share of the surfaces that is too dark or too shiny to return anything, in
-            patches that stay where they are.
+        edge_loss: Fraction of edge pixels that drop out.
+        edge_mix: Fraction of edge pixels that measure a depth between the two surfaces.
+        loss: Fraction of all pixels that drop out.
+        baseline: Position of the infrared projector along the camera's x axis [m]: pixels in its
+            shadow drop out. 0 for a camera without a projector, which is not quantised either.
+        disparity_step: Resolution of the pattern's disparity [pixels]; an eighth of a pixel of a
+            sensor with twice the resolution.
+        grazing: Cosine of the angle of incidence below which pixels begin to drop out; at half of
+            it all do.
+        dark_share: Fraction of the surfaces that is too dark or too shiny to be measured, in
+            patches fixed in the world.
         border: Width of the blank band at the image's right border [pixels].
     """
 
@@ -77,10 +76,10 @@ class DepthNoise:
     border: int = 4
 
     def sigma(self, depth: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
-        """Standard deviation of a depth reading [m].
+        """Returns the standard deviation of a depth measurement [m].
 
         Args:
-            depth: Depths, m, any shape.
+            depth: Depths [m], any shape.
         """
         return self.floor + self.growth * np.square(depth - 0.4)
 
@@ -96,7 +95,7 @@ NO_DEPTH_NOISE = DepthNoise(
     dark_share=0.0,
     border=0,
 )
-"""A depth camera that errs in nothing."""
+"""A perfect depth camera."""
 
 
 @functools.lru_cache(maxsize=4)
@@ -125,8 +124,8 @@ def _uniform_field(seed: int, height: int, width: int) -> npt.NDArray[np.float32
 
 @functools.lru_cache(maxsize=4)
 def _color_field(seed: int, height: int, width: int, sigma: float) -> npt.NDArray[np.int8]:
-    """Colour noise in grey levels; the alpha channel has none."""
-    # Not from the cache: nobody else wants this one, which is large.
+    """Draws colour noise in grey levels; the alpha channel has none."""
+    # Bypasses the cache: the field is large and used only here.
     noise = _normal_field.__wrapped__(seed, height, width, 4, 0.0) * sigma
     field = np.clip(np.rint(noise), -127, 127).astype(np.int8)
     field[..., 3] = 0
@@ -149,16 +148,16 @@ def apply_color_noise(
     seed: int,
     frame: int,
 ) -> npt.NDArray[np.uint8]:
-    """Makes a perfect colour image look as the real camera's: bent by its lens, and noisy.
+    """Applies the real camera's lens distortion and noise to a perfect colour image.
 
     Args:
-        rgba: Rendered image (height, width, 4), or one of several times that size, of which each
-            block of pixels becomes one: a sensor's pixel gathers light over its whole area, a
-            renderer's looks at one point.
+        rgba: Rendered image (height, width, 4), or a multiple of that size, which is averaged over
+            blocks of pixels: a sensor's pixel gathers light over its whole area, a renderer's
+            samples one point.
         intrinsics: The camera; its distortion is applied.
         noise: The noise.
         seed: Seed of the camera's noise.
-        frame: Number of the image.
+        frame: Number of the frame.
 
     Returns:
         A new image (height, width, 4).
@@ -185,18 +184,18 @@ def apply_depth_noise(
     seed: int,
     frame: int,
 ) -> npt.NDArray[np.uint16]:
-    """Makes a perfect depth image look as the real sensor's.
+    """Applies the real sensor's noise and dropouts to a perfect depth image.
 
     Args:
-        depth: Rendered depths (height, width) [m]; zero, infinite or NaN where there is none. What
-            is too near to be measured keeps the projector's light away, if its depth is given.
+        depth: Rendered depths (height, width) [m]; zero, infinite or NaN where there is none.
+            Depths too near to be measured still cast shadows in the projector's light.
         intrinsics: The camera; depths outside its near and far are lost.
         noise: The noise.
         seed: Seed of the camera's noise.
-        frame: Number of the image.
+        frame: Number of the frame.
 
     Returns:
-        Depths (height, width) in whole millimetres; 0 where nothing came back.
+        Depths (height, width) in whole millimetres; 0 in holes.
     """
     height, width = depth.shape
     rng = np.random.default_rng([seed, frame])
@@ -212,7 +211,7 @@ def apply_depth_noise(
         step=noise.disparity_step,
     )
 
-    # What is not measured counts as far away, so that silhouettes against it are edges too.
+    # Unmeasured pixels count as far away, so that silhouettes against them are edges too.
     solid = np.where(measured, depth, np.float32(2 * intrinsics.far))
     kernel = np.ones((3, 3), np.uint8)
     nearest, farthest = cv2.erode(solid, kernel), cv2.dilate(solid, kernel)
@@ -224,14 +223,14 @@ def apply_depth_noise(
     mixed = (draw >= noise.edge_loss) & (draw < noise.edge_loss + noise.edge_mix)
     mixed &= farthest[rows, columns] <= intrinsics.far
     rows, columns = rows[mixed], columns[mixed]
-    share = (draw[mixed] - noise.edge_loss) / max(noise.edge_mix, 1e-9)
+    fraction = (draw[mixed] - noise.edge_loss) / max(noise.edge_mix, 1e-9)
     low, high = nearest[rows, columns], farthest[rows, columns]
-    noisy[rows, columns] = low + share * (high - low)
+    noisy[rows, columns] = low + fraction * (high - low)
 
     noisy[chance > 1 - noise.loss] = 0
     noisy[projector_shadow(depth, intrinsics, noise.baseline)] = 0
     if noise.grazing > 0.0:
-        # From all that is measured at this cosine to nothing at half of it.
+        # From no dropouts at this cosine to complete dropout at half of it.
         noisy[
             grazing_pixels(z, intrinsics, noise.grazing * (0.5 + 0.5 * chance).astype(np.float32))
         ] = 0
@@ -248,14 +247,14 @@ def drop_dark_patches(
     *,
     seed: int,
 ) -> npt.NDArray[np.float32]:
-    """Returns a depth image without surfaces too dark or too shiny to be measured.
+    """Removes surfaces too dark or too shiny to be measured from a depth image.
 
     Args:
         depth: Rendered depths (height, width) [m].
         intrinsics: The camera.
-        X_WC: Its pose: patches stay where they are in W.
+        X_WC: Its pose: patches are fixed in W.
         noise: The noise.
-        seed: Decides where the patches are.
+        seed: Seed of the patches.
 
     Returns:
         (height, width) [m], 0 in the patches.
@@ -269,7 +268,7 @@ def drop_dark_patches(
 def _random_sigma(
     z: npt.NDArray[np.float32], intrinsics: CameraIntrinsics, noise: DepthNoise
 ) -> npt.NDArray[np.floating]:
-    """Standard deviation of what is random in a depth: of all noise but the quantisation [m]."""
+    """Returns the standard deviation of all depth noise except quantisation [m]."""
     sigma = noise.sigma(z)
     rounding = quantisation_sigma(z, intrinsics, baseline=noise.baseline, step=noise.disparity_step)
     return np.sqrt(np.maximum(np.square(sigma) - np.square(rounding), 0.0))

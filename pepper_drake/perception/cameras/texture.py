@@ -1,6 +1,6 @@
-"""Textures that make bare surfaces matchable: painted on them, or projected.
+"""Textures, painted or projected, that make plain surfaces matchable.
 
-Both are computed from a rendered image and its perfect depth image, as a shader does.
+Both are computed from a rendered image and its perfect depth image, like a shader.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays
 
 
 def value_noise(points: npt.NDArray[np.floating], seed: int) -> npt.NDArray[np.float32]:
-    """Smooth random values: a lattice of random numbers, interpolated linearly.
+    """Returns value noise: a lattice of random numbers, interpolated linearly.
 
     Args:
         points: (N, 2) or (N, 3); the lattice has spacing 1.
@@ -22,14 +22,14 @@ def value_noise(points: npt.NDArray[np.floating], seed: int) -> npt.NDArray[np.f
     """
     dimensions = points.shape[1]
     base = np.floor(points)
-    share = (points - base).astype(np.float32)
+    fraction = (points - base).astype(np.float32)
     cell = base.astype(np.int64)
     total = np.zeros(len(points), np.float32)
     for corner in np.ndindex(*(2,) * dimensions):
         weight = np.ones(len(points), np.float32)
         key = np.full(len(points), seed * 2_654_435_761 + 97, np.uint64)
         for axis, step in enumerate(corner):
-            weight *= share[:, axis] if step else 1 - share[:, axis]
+            weight *= fraction[:, axis] if step else 1 - fraction[:, axis]
             key = (key ^ (cell[:, axis] + step).astype(np.uint64)) * np.uint64(
                 0x9E3779B97F4A7C15 + 2 * axis
             )
@@ -49,17 +49,17 @@ def paint_texture(
     seed: int = 0,
     painted: npt.NDArray[np.bool_] | None = None,
 ) -> npt.NDArray[np.uint8]:
-    """Paints a speckled texture, fixed in the world, on what a rendered image shows.
+    """Paints a speckled texture, fixed in the world, on the surfaces of a rendered image.
 
     Args:
-        image: Rendered image (height, width, channels), without lens.
+        image: Rendered image (height, width, channels), without lens distortion.
         depth: Its perfect depths (height, width) [m].
         intrinsics: The camera; its distortion is not applied yet.
         X_WC: Its pose.
         grain: Size of the finer speckles [m]; the coarser ones are three times as large.
-        contrast: By how much of its brightness a surface is darkened at most.
+        contrast: Largest fraction by which a surface is darkened.
         seed: Seed of the texture.
-        painted: Which pixels are painted (height, width); all that show something when left out.
+        painted: Mask of the pixels to paint (height, width); all with a surface if omitted.
     """
     rays = pixel_rays(intrinsics.ideal())
     where = np.isfinite(depth) & (depth > 0)
@@ -82,18 +82,18 @@ def project_pattern(
     contrast: float = 0.6,
     seed: int = 0,
 ) -> npt.NDArray[np.uint8]:
-    """Throws a random pattern on the scene from a projector beside the cameras.
+    """Projects a random pattern on the scene from a projector beside the cameras.
 
-    Shadows of the projector are neglected: next to the cameras it has hardly any.
+    The projector's shadows are neglected: next to the cameras they are hardly visible.
 
     Args:
-        image: Rendered image (height, width, channels), without lens.
+        image: Rendered image (height, width, channels), without lens distortion.
         depth: Its perfect depths (height, width) [m].
         intrinsics: The camera; its distortion is not applied yet.
         X_WC: Its pose.
-        X_WP: The projector's pose, z along its light.
+        X_WP: The projector's pose, z along its optical axis.
         grain: Size of the pattern's dots at 1 m [m].
-        contrast: By how much of its brightness a surface is darkened at most.
+        contrast: Largest fraction by which a surface is darkened.
         seed: Seed of the pattern.
     """
     rays = pixel_rays(intrinsics.ideal())
@@ -108,12 +108,12 @@ def project_pattern(
 def _darken(
     image: npt.NDArray[np.uint8],
     where: npt.NDArray[np.bool_],
-    share: npt.NDArray[np.floating],
+    fraction: npt.NDArray[np.floating],
 ) -> npt.NDArray[np.uint8]:
-    """Darkens the colours of some pixels by a share; a fourth channel is alpha and stays."""
+    """Darkens the colours of some pixels by a fraction; an alpha channel is unchanged."""
     result = image.copy()
     colors = result[where][:, :3].astype(np.float32)
     faded = result[where]
-    faded[:, :3] = np.rint(colors * (1 - np.asarray(share, np.float32)[:, None]))
+    faded[:, :3] = np.rint(colors * (1 - np.asarray(fraction, np.float32)[:, None]))
     result[where] = faded
     return result

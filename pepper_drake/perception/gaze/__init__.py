@@ -1,1 +1,1 @@
-"""Head angles: aiming and view planning."""
+"""Gaze: aiming of the head and view planning."""

@@ -1,4 +1,4 @@
-"""Numbers of the head's motion: following an object, searching for it, scanning around it."""
+"""Parameters of the gaze: following an object, searching for it, scanning around it."""
 
 import math
 from dataclasses import dataclass, field
@@ -13,12 +13,12 @@ class HeadSearchParams:
     low_pitch: float = 0.3
     """Pitch at which tables are searched [rad]."""
     high_pitch: float = -0.1
-    """Pitch at which what is higher is searched [rad]."""
+    """Pitch at which higher places are searched [rad]."""
     first_yaw: float = 0.4
-    """Yaw to the arm's side with which the search begins [rad]: it shows what is ahead and what is
-    within reach."""
+    """Yaw to the arm's side at the start of the search [rad]: the field of view then covers the
+    space ahead and within reach."""
     first_duration: float = 1.5
-    """Time for which it stays there [s]."""
+    """Dwell time there [s]."""
     sweep: float = math.radians(60)
     """Largest yaw to either side [rad]."""
     period: float = 6.0
@@ -27,16 +27,16 @@ class HeadSearchParams:
 
 @dataclass(unsafe_hash=True)
 class ViewParams:
-    """Weights of the places around an object in view planning."""
+    """Weights of the view points around an object in view planning."""
 
     largest_age: float = 4.0
-    """Age beyond which the urgency of a place does not grow [s]."""
+    """Age beyond which the urgency of a view point stays constant [s]."""
     movable_radius: float = 0.12
-    """Distance to a thing within which it may move [m]."""
+    """Distance to a movable object within which a view point has full weight [m]."""
     empty_weight: float = 0.25
-    """Weight of places with nothing around them, against others'."""
+    """Relative weight of view points without a movable object nearby."""
     hand_ahead: float = -0.1
-    """Point from which the hand comes, ahead of the object [m] ..."""
+    """Point from which the hand approaches, ahead of the object [m] ..."""
     hand_left: float = 0.3
     """... and to its left, for a left arm [m]."""
     hand_distance: float = 0.15
@@ -48,8 +48,7 @@ class GazeParams:
     """Timing and limits of the head that follows an object and scans around it."""
 
     max_velocity: float = 2.5
-    """Largest velocity of a head joint [rad/s], a third of the rated one; images taken by a fast
-    head are blurred."""
+    """Largest velocity of a head joint [rad/s], a third of the rated one; limits motion blur."""
     max_acceleration: float = 8.0
     """Largest acceleration of a head joint [rad/s²]."""
     missed_age: float = 1.9
@@ -62,9 +61,8 @@ class GazeParams:
     rest_speed: float = 0.02
     """Speed below which an object is at rest, and may leave the image [m/s]."""
     following_angle: float = 0.03
-    """Angle off an object's middle up to which the head does not follow it [rad]: more than the
-    slack of its joints, with which it would hunt, as what it sees moves by the slack when it
-    turns."""
+    """Dead band of following an object's centre [rad]: larger than the joints' backlash, which
+    would otherwise cause a limit cycle, as the image moves by it whenever the head reverses."""
     glance_angles: list[float] = field(
         default_factory=lambda: [-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75]
     )
@@ -76,16 +74,16 @@ class GazeParams:
     dwell_speed: float = 0.6
     """... and the joint velocity below which it does [rad/s]."""
     movable_height: float = 0.03
-    """Height above the object's origin from which points count as things that may move [m]."""
+    """Height above the object's origin from which points count as movable objects [m]."""
     movable_distance: float = 0.8
     """Distance from the object within which they do [m]."""
     place_grid: float = 0.02
-    """Grid to which the object's position is rounded for gazes that two cameras share [m]."""
+    """Grid to which the object's position is rounded for gazes shared by two cameras [m]."""
     largest_offset: float = 0.95
-    """Largest offset of the object from the middle of its camera's image, 1 at the border, when the
-    head turns for the other camera's sake."""
+    """Largest offset of the object from the centre of its camera's image, 1 at the border, when the
+    head turns for the other camera."""
     view_margin: float = 0.012
-    """Displacement of the object that a scan leaves within the image [m]."""
+    """Displacement of the object during a scan that keeps it within the image [m]."""
     swing: float = 0.4
     """Amplitude in pitch of the search for a missed object [rad]."""
     swing_period: float = 2.4
@@ -93,10 +91,10 @@ class GazeParams:
     search: HeadSearchParams = field(default_factory=HeadSearchParams)
     """Search for an object that was not seen yet."""
     view: ViewParams = field(default_factory=ViewParams)
-    """Weights of the places around the object."""
+    """Weights of the view points around the object."""
 
     def check(self) -> None:
-        """Raises InputError for a number with which the head would not move, or not know where."""
+        """Raises InputError for values with which the head could not move or aim."""
         positive = {
             "max_velocity": self.max_velocity,
             "max_acceleration": self.max_acceleration,

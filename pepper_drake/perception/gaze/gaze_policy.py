@@ -1,4 +1,4 @@
-"""One step of the head: where it looks, with which camera, and how it moves there."""
+"""Gaze policy: chooses the head's target and camera, and moves the head by one step."""
 
 import functools
 import math
@@ -41,12 +41,12 @@ class GazeState:
         head: Commanded HeadYaw and HeadPitch (2,) [rad].
         velocity: Their velocities (2,) [rad/s].
         camera: Index of the camera in use; -1 for none.
-        in_view: Whether the commanded angles have the object in that camera's image.
-        reachable: Whether any angles within the limits would.
-        arrived: Time from which the head dwells at its target [s]; infinite while it moves.
+        in_view: Whether the object is in that camera's field of view at the commanded angles.
+        reachable: Whether it is at any angles within the limits.
+        arrived: Time at which the head arrived at its target [s]; infinite while it moves.
         glancing: Whether its target is beside the object.
-        target: Head angles (2,) of a scan [rad]; NaN outside one.
-        seen: Times (N,) at which `VIEW_POINTS` were in the secondary camera's image [s].
+        target: Head angles (2,) of a scan [rad]; NaN without a scan.
+        seen: Times (N,) at which `VIEW_POINTS` were last in the secondary camera's image [s].
     """
 
     head: Vector
@@ -74,7 +74,7 @@ class GazeState:
 
     @classmethod
     def from_vector(cls, vector: Vector) -> "GazeState":
-        """Returns the state of such numbers."""
+        """Returns the state from its numbers."""
         camera, in_view, reachable, arrived, glancing = vector[4:9].tolist()
         return cls(
             vector[:2].copy(),
@@ -98,12 +98,12 @@ class GazeObservation(NamedTuple):
     Attributes:
         time: [s].
         X_WT: Pose of the torso.
-        X_WO: Pose of the object; None while it is not known.
+        X_WO: Pose of the object; None while unknown.
         age: Time since the object was last seen [s].
-        speed: The object's [m/s].
-        scan_enabled: Whether the head may look around an object at rest.
-        look_at: Point (3,) in W that has to be looked at [m]; None if there is none.
-        cloud: Reads the points (P, 3) in W of obstacles [m], when they are needed.
+        speed: The object's speed [m/s].
+        scan_enabled: Whether the head may scan around an object at rest.
+        look_at: Point (3,) in W to look at [m]; None for none.
+        cloud: Returns the points (P, 3) of obstacles in W [m], read only when needed.
     """
 
     time: float
@@ -126,7 +126,7 @@ def _shared_gaze(
     current: HeadCamera | None,
     largest_offset: float,
 ) -> Gaze:
-    """`aim_for_two_cameras`, computed once for each place: an object at rest costs nothing."""
+    """Caches `aim_for_two_cameras`: an object at rest costs nothing."""
     return aim_for_two_cameras(
         cameras,
         secondary_camera,
@@ -145,21 +145,21 @@ def _is_near(aim: Vector, head: Vector, params: GazeParams) -> bool:
 class GazePolicy:
     """Turns the head so that a camera keeps an object in its image.
 
-    Without a secondary camera the object is brought to the middle of the image. With one, the
-    object is brought as near to the middle of the secondary camera's image as a first camera allows
-    that still sees it well. An object that moves is brought to the middle in any case; one that was
-    missed is searched for above and below its last place, with all cameras. During a scan of an
-    object at rest the head glances, between two looks at the object, at the places around it that
-    the secondary camera did not see for longest, or at a given point.
+    Without a secondary camera the object is centred in the image. With one, the object is brought
+    as close to the centre of the secondary camera's image as possible while a first camera still
+    sees it well. A moving object is centred in any case; a missed one is searched for above and
+    below its last position, with all cameras. During a scan around an object at rest the head
+    glances, between two looks at the object, at the places around it that the secondary camera has
+    not seen for longest, or at a given point.
 
     Args:
         p_OP: The point on the object to look at (3,) [m].
-        cameras: In order of preference.
+        cameras: The cameras in order of preference.
         secondary_camera: A camera that should see the object's surroundings; None for none.
-        radius: Of the part of the object that has to stay in view [m].
-        side: Of the reaching arm, 1 left or -1 right.
-        search: Head angles (2,) [rad] of the search by the time [s] and the side; None to stay.
-        time_step: Between two steps [s].
+        radius: Radius of the part of the object that has to stay in view [m].
+        side: Side of the reaching arm, 1 left or -1 right.
+        search: Head angles (2,) [rad] of the search by time [s] and side; None to stay still.
+        time_step: Time between two steps [s].
         params: Timing and limits.
     """
 
@@ -212,7 +212,7 @@ class GazePolicy:
         )
 
     def _aim(self, state: GazeState, now: GazeObservation, p_TP: Vector) -> tuple[Gaze, GazeState]:
-        """Aims at the object, or beside it while a scan is possible."""
+        """Aims at the object, or beside it during a scan."""
         params, secondary = self._params, self._secondary
         current = self._cameras[state.camera] if state.camera >= 0 else None
         scans = now.look_at is not None or now.scan_enabled
@@ -257,7 +257,7 @@ class GazePolicy:
     def _next_glance(
         self, state: GazeState, now: GazeObservation, p_TP: Vector, camera: HeadCamera
     ) -> Vector:
-        """Head angles (2,) that show most of what the camera did not see for longest [rad]."""
+        """Returns the head angles (2,) [rad] of the next best view."""
         params = self._params
         if now.look_at is None:
             middle = aim_head(camera, p_TP)
@@ -273,7 +273,7 @@ class GazePolicy:
         return heads[best]
 
     def _movable(self, now: GazeObservation) -> Vector:
-        """Points (P, 3) [m] in T above the surface on which the object stands."""
+        """Returns the points (P, 3) [m] in T above the surface on which the object stands."""
         points = now.cloud()
         if now.X_WO is None or not len(points):
             return np.zeros((0, 3))
@@ -283,7 +283,7 @@ class GazePolicy:
         return np.asarray(now.X_WT.inverse() @ points[above].T).T
 
     def _dwell(self, state: GazeState, time: float) -> tuple[bool, float]:
-        """True if the head dwelt at its target for one glance, and the start of the dwell [s]."""
+        """Tells if the head dwelt at its target for one glance; returns the dwell's start [s]."""
         params = self._params
         off = np.abs(state.target - state.head).max()
         if off > params.dwell_angle or np.abs(state.velocity).max() > params.dwell_speed:

@@ -1,6 +1,6 @@
-"""Aiming of the head: angles for a camera to look at a point, and the best camera.
+"""Aiming of the head: head angles for a camera to look at a point, and choice of the camera.
 
-Head angles are (HeadYaw, HeadPitch), rad. HeadYaw turns about the torso's z at `P_T_NECK`, then
+Head angles are (HeadYaw, HeadPitch) [rad]. HeadYaw turns about the torso's z at `P_T_NECK`, then
 HeadPitch about y; positive pitch looks down.
 """
 
@@ -19,13 +19,13 @@ from pepper_drake.perception.cameras.camera import HeadCamera
 from pepper_drake.perception.gaze.gaze_params import GazeParams, HeadSearchParams
 
 P_T_NECK = (-0.038, 0.0, 0.1699)
-"""The point in the torso frame where the axes of HeadYaw and HeadPitch meet [m]."""
+"""Intersection of the axes of HeadYaw and HeadPitch in the torso frame [m]."""
 
 HEAD_YAW_LIMIT = 2.08567
 """Largest HeadYaw to either side [rad]."""
 
 _HALVINGS = 6
-"""Bisection steps between two gazes: to a hundredth of the angle between them."""
+"""Bisection steps between two gazes, to about a hundredth of the angle between them."""
 
 Vector = npt.NDArray[np.float64]
 
@@ -37,9 +37,9 @@ class Gaze:
     Attributes:
         camera: The camera.
         head: Head angles (2,) within the coupled limits that bring the point closest to the
-            middle of the image.
-        offset: The point's distance from the middle of the image at these angles: 0 in the
-            middle, 1 at the nearest border or beyond, larger when out of the image.
+            image's centre.
+        offset: The point's distance from the image's centre at these angles: 0 at the centre, 1 at
+            the border, more outside.
         in_view: Whether the point is in the image at these angles.
     """
 
@@ -56,11 +56,10 @@ def camera_pose(camera: HeadCamera, head: npt.ArrayLike) -> RigidTransform:
 
 
 def aim_head(camera: HeadCamera, p_TP: npt.ArrayLike) -> Vector:
-    """Computes the head angles that put a point on a camera's optical axis, limits aside.
+    """Computes the head angles that put a point on a camera's optical axis, ignoring limits.
 
-    In closed form. Yaw brings the point into the vertical plane of the optical axis, pitch then
-    onto the axis. A point closer to the neck than the axis gets is looked past as little as
-    possible.
+    In closed form: yaw brings the point into the vertical plane of the optical axis, pitch then
+    onto the axis. For a point closer to the neck than the axis, the error is minimal.
 
     Args:
         camera: The camera.
@@ -74,8 +73,8 @@ def aim_head(camera: HeadCamera, p_TP: npt.ArrayLike) -> Vector:
     radius = math.hypot(x, y)
     yaw = math.atan2(y, x) - math.asin(min(max(aside / max(radius, 1e-9), -1.0), 1.0))
     forward = math.sqrt(max(radius**2 - aside**2, 0.0))
-    # The optical axis in the head's vertical plane: (ahead, up) + s (cos tilt, -sin tilt). It
-    # meets the circle through the point where |.| equals the point's distance from the neck.
+    # The optical axis in the head's vertical plane, (ahead, up) + s (cos tilt, -sin tilt),
+    # intersects the circle around the neck through the point.
     c, s = math.cos(camera.tilt), -math.sin(camera.tilt)
     along = ahead * c + up * s
     reach = math.sqrt(max(forward**2 + z**2 - (ahead**2 + up**2 - along**2), 0.0)) - along
@@ -85,7 +84,7 @@ def aim_head(camera: HeadCamera, p_TP: npt.ArrayLike) -> Vector:
 
 
 def clamp_head(head: npt.ArrayLike) -> Vector:
-    """Moves head angles (2,) into the limits; those of pitch depend on yaw."""
+    """Clamps head angles (2,) to the limits; those of pitch depend on yaw."""
     return np.array(_clamped(*np.asarray(head, dtype=float).tolist()))
 
 
@@ -96,7 +95,7 @@ def _clamped(yaw: float, pitch: float) -> tuple[float, float]:
 
 
 def image_offset(camera: HeadCamera, head: npt.ArrayLike, p_TP: npt.ArrayLike) -> float:
-    """Returns a point's distance from the middle of the image: 0 there, 1 at the border.
+    """Returns a point's distance from the image's centre: 0 there, 1 at the border.
 
     Args:
         camera: The camera.
@@ -104,8 +103,8 @@ def image_offset(camera: HeadCamera, head: npt.ArrayLike, p_TP: npt.ArrayLike) -
         p_TP: The point in the torso frame (3,) [m].
 
     Returns:
-        The larger of the two distances along the image's axes, each as a share of half the image,
-        lens distortion aside; infinite behind the camera.
+        The larger of the two distances along the image's axes, each relative to half the image,
+        without lens distortion; infinite behind the camera.
     """
     angles = np.asarray(head, dtype=float).tolist()
     return _offset(camera, angles, (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist())
@@ -114,11 +113,11 @@ def image_offset(camera: HeadCamera, head: npt.ArrayLike, p_TP: npt.ArrayLike) -
 def _offset(
     camera: HeadCamera, head: Sequence[float], p_NeckP_T: Sequence[float], radius: float = 0.0
 ) -> float:
-    """As `image_offset`, in plain numbers, since it runs many times at every tick.
+    """Computes `image_offset` with plain numbers, as it runs many times per tick.
 
-    With a radius [m] it is that of the farthest corner of a square about the point.
+    With a radius [m], it is that of the farthest corner of a square around the point.
     """
-    # The point turned by -yaw, then by -(pitch + tilt).
+    # The point rotated by -yaw, then by -(pitch + tilt).
     yaw, pitch = head
     x, y, z = p_NeckP_T
     ahead, aside, up = camera.p_HeadC
@@ -142,7 +141,7 @@ def _offset(
 
 
 def look_at(camera: HeadCamera, p_TP: npt.ArrayLike) -> Gaze:
-    """Computes how a camera looks at a point best.
+    """Computes the gaze of a camera that brings a point closest to the image's centre.
 
     Args:
         camera: The camera.
@@ -154,17 +153,17 @@ def look_at(camera: HeadCamera, p_TP: npt.ArrayLike) -> Gaze:
 
 
 def head_search_pattern(time: float, side: float, params: HeadSearchParams | None = None) -> Vector:
-    """Head angles of the search for the goal.
+    """Returns head angles of the search for the goal.
 
     Args:
-        time: Since the search began [s].
-        side: Of the arm that is to reach it, 1 left or -1 right.
-        params: Of the sweep; the defaults if None.
+        time: Time since the search began [s].
+        side: Side of the reaching arm, 1 left or -1 right.
+        params: Parameters of the sweep; the defaults if None.
 
     Returns:
-        Head yaw and pitch (2,) [rad]: first a little to the arm's side, where both what is ahead
-        and what is within reach is seen, then sweeping over ahead to the other side and back, by
-        turns at the height of tables and above it.
+        Head yaw and pitch (2,) [rad]: first slightly to the arm's side, which shows the space ahead
+        and within reach, then sweeping to the other side and back, alternately at the height of
+        tables and above.
     """
     params = params or HeadSearchParams()
     swept = max(time - params.first_duration, 0.0) / params.period
@@ -184,16 +183,16 @@ def choose_camera(
 ) -> Gaze:
     """Chooses the camera that sees a point best.
 
-    The first camera that brings the point well into its image is taken; if none does, the one
-    that brings it closest to the middle.
+    It is the first camera that sees the point well; if none does, the one that brings it closest to
+    the image's centre.
 
     Args:
-        cameras: In order of preference.
+        cameras: The cameras in order of preference.
         p_TP: The point in the torso frame (3,) [m].
-        current: The camera in use; it is kept until it is worse than `good_offset` by `patience`,
-            so that the choice does not flicker.
+        current: The camera in use; it is kept until it is worse than `good_offset` by `patience`
+            (hysteresis).
         good_offset: Offset up to which a camera sees a point well.
-        patience: See `current`.
+        patience: Hysteresis; see `current`.
     """
     gazes = [look_at(camera, p_TP) for camera in cameras]
     for gaze in gazes:
@@ -218,24 +217,24 @@ def aim_for_two_cameras(
     patience: float = 0.15,
     largest_offset: float = GazeParams.largest_offset,
 ) -> Gaze:
-    """Chooses the camera and the head angles that show a thing to another camera, too.
+    """Chooses camera and head angles so that another camera sees an object, too.
 
-    From where a camera has the thing in its middle, the head turns towards where the other one has
-    it there, as far as the first still has all of it in its image. The camera that leaves the other
-    one the best view is taken.
+    Starting with the object centred in a camera's image, the head turns towards centring it in the
+    other camera's, as far as the first still has all of it in its image. The camera that leaves the
+    other one the best view is chosen.
 
     Args:
-        cameras: One of them has to see the thing.
-        other: It should see what is around the thing as well as can be.
-        p_TP: The thing's middle in the torso frame (3,) [m].
-        radius: Of the thing [m].
-        aside: By which the other camera should look past the thing, to the left if positive [rad].
+        cameras: The cameras one of which has to see the object.
+        other: The camera that should see the object's surroundings as well as possible.
+        p_TP: The object's centre in the torso frame (3,) [m].
+        radius: Radius of the object [m].
+        aside: Angle by which the other camera should look past the object, positive left [rad].
         current: The camera in use; it is kept until another one's view is better by `patience`.
-        patience: See `current`.
-        largest_offset: Of all of the thing from the middle of the first camera's image.
+        patience: Hysteresis; see `current`.
+        largest_offset: Largest offset of the whole object from the centre of the first's image.
 
     Returns:
-        That of the camera chosen; of `choose_camera` if no camera gets all of it into its image.
+        The gaze of the chosen camera; that of `choose_camera` if none has the whole object in view.
     """
     middle = aim_head(other, p_TP)
     p_NeckP_T = (np.asarray(p_TP, dtype=float) - P_T_NECK).tolist()
@@ -254,7 +253,7 @@ def aim_for_two_cameras(
         return choose_camera(cameras, p_TP, current=current)
     if aside == 0.0:
         return best
-    # To the side first: how far down it looks matters less.
+    # Yaw first: pitch matters less.
     own = look_at(best.camera, p_TP)
     yaw, pitch = clamp_head(middle + [aside, 0.0])
     turned = _turned_towards(own, np.array([yaw, own.head[1]]), p_TP, radius, largest_offset)
@@ -264,7 +263,7 @@ def aim_for_two_cameras(
 def _turned_towards(
     gaze: Gaze, wanted: Vector, p_TP: npt.ArrayLike, radius: float, largest_offset: float
 ) -> Gaze:
-    """A gaze turned towards head angles as far as its camera still sees all of a thing."""
+    """Turns a gaze towards head angles as far as its camera still sees the whole object."""
     best, share, step = gaze, 1.0, 1.0
     yaw, pitch = gaze.head.tolist()
     turn, nod = (wanted - gaze.head).tolist()
@@ -298,10 +297,10 @@ def step_head_trajectory(
     Args:
         head: Head angles (2,).
         velocity: Their velocities (2,) [rad/s].
-        target: Head angles (2,) to reach.
-        time_step: s.
-        max_velocity: rad/s.
-        max_acceleration: rad/s^2.
+        target: Target head angles (2,).
+        time_step: [s].
+        max_velocity: [rad/s].
+        max_acceleration: [rad/s^2].
 
     Returns:
         Head angles and velocities after the step.

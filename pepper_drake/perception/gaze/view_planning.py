@@ -1,8 +1,8 @@
-"""View planning: the head's next best view of the surroundings of an object.
+"""View planning: the head's next best view of an object's surroundings.
 
-Each point around the object has the time at which it was last in the image. Of the possible head
-angles those are chosen that show the most points, weighted by the time since they were last seen,
-for the time that the motion takes.
+For each view point around the object, the time when it was last in the image is stored. The head
+angles chosen show the most points, weighted by the time since they were last seen, per time that
+the motion takes.
 """
 
 import functools
@@ -27,7 +27,7 @@ from pepper_drake.perception.gaze.head_aiming import (
 Vector = npt.NDArray[np.float64]
 
 _NEAREST = 0.3
-"""Distance [m] to the depth camera below which a point does not even show by what it occludes."""
+"""Distance to the depth camera below which not even a point's occlusion is detected [m]."""
 
 VIEW_POINTS = np.array(
     [
@@ -37,17 +37,17 @@ VIEW_POINTS = np.array(
         for up in (-0.12, 0.0)
     ]
 )
-"""(110, 3) the places around a marked object that count [m]: ahead of it as seen from the neck, to
-its left, and up, for a left arm."""
+"""View points (110, 3) around a marked object, for a left arm [m]: ahead of it as seen from the
+neck, left, up."""
 
 
 DEFAULT_VIEW = ViewParams()
-"""Parameters of functions that are given none."""
+"""Default parameters."""
 
 
 @functools.lru_cache(maxsize=8)
 def _path_weights(params: ViewParams) -> Vector:
-    """Weights of view points: the nearer to the hand's path, the sooner an obstacle arrives."""
+    """Returns weights of view points, higher near the hand's path, where obstacles come sooner."""
     flat = VIEW_POINTS[:, :2]
     coming = np.array([params.hand_ahead, params.hand_left])
     share = np.clip(flat @ coming / (coming @ coming), 0.0, 1.0)
@@ -56,11 +56,11 @@ def _path_weights(params: ViewParams) -> Vector:
 
 
 def surroundings(p_TP: npt.ArrayLike, side: float) -> Vector:
-    """The places (N, 3) around an object's marker that count, in the torso frame [m].
+    """Returns the view points (N, 3) around an object's marker in the torso frame [m].
 
     Args:
         p_TP: The marker (3,) [m].
-        side: Of the arm that reaches for it, 1 left or -1 right.
+        side: Side of the reaching arm, 1 left or -1 right.
     """
     p_TP = np.asarray(p_TP, dtype=float)
     x, y = (p_TP - P_T_NECK)[:2] / math.hypot(*(p_TP - P_T_NECK)[:2])
@@ -71,13 +71,13 @@ def surroundings(p_TP: npt.ArrayLike, side: float) -> Vector:
 def visible(
     camera: HeadCamera, head: npt.ArrayLike, places: Vector, border: float = 0.0
 ) -> npt.NDArray[np.bool_]:
-    """Which places (N, 3) of the torso frame are in a depth camera's image at head angles (2,).
+    """Tells which places (N, 3) are in a depth camera's field of view at head angles (2,).
 
     Args:
         camera: The camera.
         head: Head angles [rad].
-        places: In the torso frame [m].
-        border: Share of half the image along its border that does not count.
+        places: Places in the torso frame [m].
+        border: Width of the ignored border, as a fraction of half the image.
     """
     X_TC = camera_pose(camera, head)
     p_C = (places - X_TC.translation()) @ X_TC.rotation().matrix()
@@ -85,15 +85,15 @@ def visible(
 
 
 def _in_image(camera: HeadCamera, p_C: Vector, border: float) -> npt.NDArray[np.bool_]:
-    """Tells which places (..., 3) of the camera's frame are in its image; changes `p_C`."""
-    # What is nearer to the axis by this is that much nearer to the middle of the image.
+    """Tells which places (..., 3) in the camera frame are in its image; modifies `p_C`."""
+    # Scaling x and y scales the distance from the image's centre.
     p_C[..., :2] /= 1.0 - border
     return np.asarray((p_C[..., 2] > _NEAREST) & camera.intrinsics.sees(p_C))
 
 
 @functools.cache
 def head_grid() -> Vector:
-    """Returns head angles (N, 2) all over Pepper's limits, by a third of an image's width [rad]."""
+    """Returns head angles (N, 2) covering Pepper's limits at a third of an image's width [rad]."""
     yaws = np.linspace(-HEAD_YAW_LIMIT, HEAD_YAW_LIMIT, 13)
     return np.array(
         [(yaw, pitch) for yaw in yaws for pitch in np.linspace(*head_pitch_limits(yaw), 4)]
@@ -109,17 +109,17 @@ def within_possible_view(
     border: float = 0.0,
     margin: float = 0.0,
 ) -> npt.NDArray[np.bool_]:
-    """Which places some head angles bring into a camera's image, off its border and not hidden.
+    """Tells which places can be seen without occlusion at any head angles within the limits.
 
     Args:
         camera: A depth camera.
         places: (N, 3) in the torso frame [m].
-        hiding: Centres (S, 3) in the torso frame and radii (S,) of spheres that hide what is behind
-            them [m], such as the robot's own arms; none if left out.
-        baseline: Distance of the camera from its projector [m]: what hides a place from the light
-            hides it as well, on whichever side that is; 0 if it needs none.
-        border: Share of half the image along its border that does not count.
-        margin: Distance around the spheres at which they hide a place, too [m].
+        hiding: Centres (S, 3) in the torso frame and radii (S,) of occluding spheres [m], such as
+            those of the robot's own arms; none if omitted.
+        baseline: Distance of the camera from its projector [m], for occlusion of its light, with
+            the projector on either side; 0 without a projector.
+        border: Width of the ignored border, as a fraction of half the image.
+        margin: Margin by which the spheres are enlarged [m].
 
     Returns:
         (N,).
@@ -129,7 +129,7 @@ def within_possible_view(
     in_image = _in_image(camera, p_C, border)
     if hiding is None:
         return np.asarray(in_image.any(axis=0))
-    # From the camera itself, and from its projector on either side.
+    # Origins of rays: the camera, and its projector on either side.
     along = np.array([0.0, baseline, -baseline] if baseline else [0.0])
     eyes = X_TC[:, None, :, 3] + along[:, None] * X_TC[:, None, :, 0]
     centers, radii = hiding
@@ -146,7 +146,7 @@ def within_possible_view(
 
 @functools.lru_cache(maxsize=8)
 def _grid_poses(camera: HeadCamera) -> Vector:
-    """Poses X_TC of a camera (N, 3, 4) at the head angles of `head_grid`."""
+    """Returns the poses X_TC of a camera (N, 3, 4) at the head angles of `head_grid`."""
     return np.array([camera_pose(camera, head).GetAsMatrix34() for head in head_grid()])
 
 
@@ -154,13 +154,13 @@ def _grid_poses(camera: HeadCamera) -> Vector:
 def _shown(
     in_image: npt.NDArray[np.bool_], eyes: Vector, places: Vector, centers: Vector, squares: Vector
 ) -> npt.NDArray[np.bool_]:
-    """Tells which places (N, 3) some gaze shows (H, N), with no sphere before any of its eyes.
+    """Tells which places (N, 3) are in the image (H, N) and unoccluded at any of H gazes.
 
-    A place is hidden from an eye (of H, E, 3) by a sphere that the line between them meets, of a
-    centre (S, 3) and a squared radius (S,). All in one frame [m].
+    A sphere with centre (S, 3) and squared radius (S,) occludes a place if it intersects the line
+    from the place to any of the gaze's ray origins `eyes` (H, E, 3). All in one frame [m].
     """
     shown = np.zeros(len(places), dtype=np.bool_)
-    last = 0  # What hid one place often hides the next.
+    last = 0  # The sphere that occludes one place often occludes the next.
     for n in range(len(places)):
         for h in range(len(eyes)):
             if not in_image[h, n]:
@@ -188,14 +188,14 @@ def _shown(
 
 
 def best_view(camera: HeadCamera, p_TP: Vector) -> Vector:
-    """Returns the head angles (2,) that bring a place nearest to the middle of the image [rad]."""
+    """Returns the head angles (2,) that bring a place closest to the image's centre [rad]."""
     offsets = [image_offset(camera, head, p_TP) for head in head_grid()]
     nearest: Vector = head_grid()[int(np.argmin(offsets))]
     return nearest
 
 
 def view_weights(places: Vector, things: Vector, params: ViewParams = DEFAULT_VIEW) -> Vector:
-    """Weights of view points (N, 3) [m]: much larger near points (P, 3) [m] that may move."""
+    """Returns weights of view points (N, 3) [m]: much larger near movable points (P, 3) [m]."""
     weights = _path_weights(params)
     if not len(things):
         return weights
@@ -212,16 +212,16 @@ def next_best_view(
     unseen: Vector,
     params: ViewParams = DEFAULT_VIEW,
 ) -> int:
-    """Chooses the head angles that show most of what was not seen for longest.
+    """Chooses the head angles with the next best view.
 
     Args:
         camera: The depth camera.
         heads: Head angles (2,) to choose from.
-        durations: What each takes [s].
-        places: (N, 3) in the torso frame [m].
-        weights: (N,) how much they count.
-        unseen: (N,) for how long each was not seen [s].
-        params: How urgency grows.
+        durations: Time that each takes [s].
+        places: View points (N, 3) in the torso frame [m].
+        weights: Weights of the view points (N,).
+        unseen: Time since each was last seen (N,) [s].
+        params: Parameters of the urgency.
 
     Returns:
         The index of the best.

@@ -1,1 +1,1 @@
-"""The goal object: marker detection and the filter of its pose."""
+"""The goal object: marker detection and pose filter."""

@@ -1,4 +1,4 @@
-"""From one colour image to one measurement of where the goal object is."""
+"""Measures the goal object's pose in one colour image."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from pepper_drake.short_repr import short_repr
 
 @dataclass(frozen=True)
 class MarkedObject:
-    """An object that is found by its marker.
+    """An object with a marker.
 
     Attributes:
         marker_id: The marker's number in its dictionary.
         marker_size: Side of the marker's black square [m].
         X_OM: Pose of the marker (x right, y up, z out of the printed face) on the object. The
-            object's z axis is up when the object stands.
-        solids: The object's shape in its frame O, to cut it out of clouds.
+            object's z axis is up when the object stands upright.
+        solids: The object's shape in its frame O, to remove it from clouds.
         dictionary: Name of OpenCV's dictionary.
     """
 
@@ -85,26 +85,25 @@ def detect_goal(
     R_WO_expected: RotationMatrix | None = None,
     params: MarkerParams = DEFAULT_MARKER,
 ) -> GoalMeasurement | None:
-    """Looks for the goal object's marker in an image.
+    """Detects the goal object's marker in an image and measures the object's pose.
 
     Args:
-        image: Image of any kind that `to_gray` takes; an empty one has no marker.
-        time: When it was taken [s].
+        image: Image of any kind that `to_gray` accepts; an empty one has no marker.
+        time: Capture time [s].
         X_WC: The camera's pose at that time.
         intrinsics: The camera.
         marked: The object to look for.
-        p_WM_expected: Where the marker probably is [m]: its neighbourhood is searched first, and of
-            several markers with the object's id the one next to it counts.
-        R_WO_expected: The object's probable orientation, which decides between poses that look
-            alike.
+        p_WM_expected: Expected position of the marker [m]: its neighbourhood is searched first, and
+            of several markers with the object's id the nearest is used.
+        R_WO_expected: Expected orientation of the object, which decides between ambiguous poses.
         params: Detection, noise and choice of poses.
 
     Returns:
-        The measurement; None when the marker is not seen, or seen twice without an expectation
-        that would tell which is meant.
+        The measurement; None when the marker is not seen, or seen several times without an expected
+        position.
 
     Raises:
-        InputError: If the image has another size than the camera, or is none.
+        InputError: If the image has another size than the camera, or is not an image.
     """
     if image.size == 0:
         return None
@@ -185,7 +184,7 @@ def _expected_window(
     size: float,
     params: MarkerParams,
 ) -> tuple[int, int, int, int] | None:
-    """The part of the image that surely holds a marker expected at p_CM; None if out of it."""
+    """Returns the image window around a marker expected at p_CM; None if it is out of view."""
     if p_CM[2] <= 0 or not intrinsics.sees(p_CM):
         return None
     u, v = intrinsics.project(p_CM)

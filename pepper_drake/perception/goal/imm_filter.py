@@ -1,14 +1,14 @@
-"""Tracking the goal object: from single marker poses, some of them wrong, to one pose to act on.
+"""Tracking of the goal object from noisy marker poses with outliers.
 
-The model is stated, so that it can be argued with. The marker's position is tracked by an
-interacting multiple model filter (Blom and Bar-Shalom 1988, doi:10.1109/9.1299) of two modes: at
-rest (a slow random walk) and moving (constant velocity driven by white acceleration). At rest it
-averages, when the goal moves it follows without lag, and it knows which is the case. Orientation is
-a random walk on the rotations with one variance, faster when the goal probably moves.
+The marker's position is tracked by an interacting multiple model filter (Blom and Bar-Shalom 1988,
+doi:10.1109/9.1299) with two modes: at rest (a slow random walk) and moving (constant velocity
+driven by white acceleration). At rest it averages, when the goal moves it follows without lag, and
+it estimates the probability of each mode. Orientation is a random walk on the rotations with one
+variance, faster when the goal probably moves.
 
-A first goal needs several agreeing measurements; a measurement far from the track never moves it,
-but several that agree with each other replace it. The published pose moves only when the estimate
-has moved by more than a threshold, or when it has become much better.
+A new track needs several consistent measurements. A measurement outside the gate never changes the
+track, but several outside that are consistent with each other replace it. The published pose
+changes only when the estimate has moved by more than a threshold, or has become much better.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,24 +29,24 @@ class GoalFilterParameters:
     """Noise, gates and thresholds of the goal filter.
 
     Attributes:
-        rest_walk: Random walk of a resting goal's position, m/sqrt(s).
-        acceleration: White acceleration of a moving goal, m/s^1.5.
+        rest_walk: Random walk of a resting goal's position [m/sqrt(s)].
+        acceleration: White acceleration of a moving goal [m/s^1.5].
         rest_seconds: Mean time for which a goal stays at rest [s].
         moving_seconds: Mean time for which a goal keeps moving [s].
-        rotation_rest_walk: Random walk of a resting goal's orientation, rad/sqrt(s).
-        rotation_moving_walk: Random walk of a moving goal's orientation, rad/sqrt(s).
+        rotation_rest_walk: Random walk of a resting goal's orientation [rad/sqrt(s)].
+        rotation_moving_walk: Random walk of a moving goal's orientation [rad/sqrt(s)].
         position_floor: Standard deviation added to every position (kinematics, time stamps) [m].
         rotation_floor: Standard deviation added to every orientation [rad].
         gate: Largest squared Mahalanobis distance of a position from its prediction; 16.3 keeps
             99.9 % of the true ones.
         rotation_gate: Largest angle between a measured orientation and the track's [rad].
-        confirmations: Measurements that must agree before a goal is believed.
-        agreement: Measurements agree when they are closer than this, m, beyond their own noise.
-        hold_seconds: For how long a goal that is not seen is still called valid [s].
-        publish_distance: The pose is published anew when it moved by more than this, m, ...
-        publish_angle: ... or turned by more than this, rad, ...
-        publish_improvement: ... or when its standard deviation fell below this share of what it
-            was when the pose was last published.
+        confirmations: Number of consistent measurements that start a track.
+        agreement: Largest distance of consistent measurements, in addition to their noise [m].
+        hold_seconds: Time after the last sighting for which the goal remains valid [s].
+        publish_distance: The pose is published when it has moved by more than this [m], ...
+        publish_angle: ... or turned by more than this [rad], ...
+        publish_improvement: ... or when its standard deviation relative to that of the last
+            published pose has fallen below this.
     """
 
     rest_walk: float = 0.001
@@ -72,16 +72,16 @@ class GoalFilterParameters:
 
 @dataclass(frozen=True)
 class GoalMeasurement:
-    """One sight of the marker.
+    """One measurement of the marker.
 
     Attributes:
-        time: When the image was taken [s].
+        time: Capture time of the image [s].
         p_WM: The marker's position [m].
         R_WO: The object's orientation.
-        position_covariance: (3, 3), m^2, in W.
-        rotation_variance: Variance of the orientation about any axis, rad^2.
-        systematic_covariance: (3, 3), m^2, in W: the part of position_covariance that is alike in
-            every image and that no averaging takes away.
+        position_covariance: (3, 3) in W [m^2].
+        rotation_variance: Variance of the orientation about any axis [rad^2].
+        systematic_covariance: (3, 3) in W [m^2]: the part of position_covariance that is the same
+            in every image and is not reduced by averaging.
     """
 
     time: float
@@ -96,7 +96,7 @@ class GoalMeasurement:
 
 @dataclass(frozen=True)
 class GoalTrack:
-    """Estimate of one goal. Never changed once made.
+    """Immutable estimate of one goal.
 
     Attributes:
         time: Time of the last accepted measurement [s].
@@ -104,9 +104,9 @@ class GoalTrack:
         covariances: Their covariances (2, 6, 6).
         probabilities: Probabilities (2,) of the two modes.
         R_WO: Orientation.
-        rotation_variance: Its variance about any axis, rad^2.
-        systematic_covariance: (3, 3), m^2: of the last measurement.
-        rotation_misses: Measured orientations in a row that were outside the gate.
+        rotation_variance: Its variance about any axis [rad^2].
+        systematic_covariance: That of the last measurement (3, 3) [m^2].
+        rotation_misses: Number of consecutive measured orientations outside the gate.
     """
 
     time: float
@@ -120,41 +120,41 @@ class GoalTrack:
 
     @property
     def p_WM(self) -> Vector:
-        """Position of the marker [m]."""
+        """Returns the position of the marker in W (3,) [m]."""
         return self.probabilities @ self.modes[:, :3]
 
     @property
     def velocity(self) -> Vector:
-        """Velocity of the marker in W [m/s]."""
+        """Returns the velocity of the marker in W (3,) [m/s]."""
         return self.probabilities @ self.modes[:, 3:]
 
     @property
     def position_covariance(self) -> Vector:
-        """Covariance (3, 3) of the marker's position, m^2."""
+        """Returns the covariance (3, 3) of the marker's position [m^2]."""
         spread = self.modes[:, :3] - self.p_WM
         inner = self.covariances[:, :3, :3] + np.einsum("ki,kj->kij", spread, spread)
         return np.einsum("k,kij->ij", self.probabilities, inner) + self.systematic_covariance
 
     def object_covariance(self, p_OM: Vector) -> Vector:
-        """Covariance (3, 3) of the object's position: the marker's, and the lever arm's to it."""
+        """Returns the covariance (3, 3) of the object's position, with that of the lever arm."""
         lever = self.R_WO.multiply(p_OM)
         turned = lever @ lever * np.eye(3) - np.outer(lever, lever)
         return self.position_covariance + self.rotation_variance * turned
 
     def pose(self, p_OM: Vector) -> RigidTransform:
-        """Pose X_WO of the object that carries the marker at p_OM (3,)."""
+        """Returns the pose X_WO of an object with its marker at p_OM (3,)."""
         return RigidTransform(self.R_WO, self.p_WM - self.R_WO.multiply(p_OM))
 
 
 @dataclass(frozen=True)
 class GoalState:
-    """State of the goal filter. Never changed once made.
+    """Immutable state of the goal filter.
 
     Attributes:
-        track: The believed goal; None before the first.
-        candidate: Measurements that agree with each other but not with the track.
-        published: Pose X_WO that was last published; None before the first.
-        published_sigma: Standard deviation of its position then [m].
+        track: The track; None before the first.
+        candidate: Measurements consistent with each other but not with the track.
+        published: Last published pose X_WO; None before the first.
+        published_sigma: Standard deviation of its position when published [m].
     """
 
     track: GoalTrack | None = None
@@ -169,11 +169,11 @@ class GoalState:
         return self
 
     def age(self, time: float) -> float:
-        """Time since the goal was last seen [s]; infinite before the first."""
+        """Returns the time since the goal was last seen [s]; infinite before the first."""
         return np.inf if self.track is None else time - self.track.time
 
     def is_valid(self, time: float, parameters: GoalFilterParameters) -> bool:
-        """True if there is a goal that was seen lately enough to act on."""
+        """Tells whether a goal was seen within `hold_seconds`."""
         return self.published is not None and self.age(time) <= parameters.hold_seconds
 
 
@@ -183,16 +183,16 @@ def update_goal(
     p_OM: "Vector",
     parameters: "GoalFilterParameters",
 ) -> "GoalState":
-    """Takes in one measurement.
+    """Updates the filter with one measurement.
 
     Args:
-        state: What was believed before.
-        measurement: The new sight of the marker, not older than the last.
+        state: The previous state.
+        measurement: The new measurement; an older one than the last is ignored.
         p_OM: The marker's position on the object (3,) [m].
         parameters: Noise, gates and thresholds.
 
     Returns:
-        The state after it.
+        The new state.
     """
     measurement = _with_floor(measurement, parameters)
     track = state.track
@@ -216,7 +216,7 @@ def update_goal(
 
 
 def start_track(measurement: GoalMeasurement, parameters: GoalFilterParameters) -> GoalTrack:
-    """Starts a track, equally likely at rest and moving, from one measurement."""
+    """Starts a track, equally likely at rest and moving, with one measurement."""
     mean = np.concatenate([measurement.p_WM, np.zeros(3)])
     covariance = np.zeros((2, 6, 6))
     covariance[:, :3, :3] = measurement.position_covariance
@@ -239,7 +239,7 @@ def update_track(
     """Predicts a track to the measurement's time and corrects it.
 
     Returns:
-        The new track; None when the measurement is too far from the prediction to belong to it.
+        The new track; None when the measurement is outside the gate.
     """
     dt = measurement.time - track.time
     means, covariances, priors = _mix(track, dt, parameters)
@@ -275,16 +275,16 @@ def update_track(
 def _mix(
     track: GoalTrack, dt: float, parameters: GoalFilterParameters
 ) -> tuple[Vector, Vector, Vector]:
-    """Lets the modes change into each other, then predicts each by its own model."""
+    """Mixes the modes (IMM), then predicts each by its own model."""
     stay = np.exp(-dt / np.array([parameters.rest_seconds, parameters.moving_seconds]))
     transition = np.array([[stay[0], 1 - stay[0]], [1 - stay[1], stay[1]]])
     priors = track.probabilities @ transition
-    shares = (track.probabilities[:, None] * transition) / priors
-    means = np.einsum("ij,ia->ja", shares, track.modes)
+    mixing = (track.probabilities[:, None] * transition) / priors
+    means = np.einsum("ij,ia->ja", mixing, track.modes)
     spread = track.modes[:, None] - means[None]
     covariances = np.einsum(
         "ij,ijab->jab",
-        shares,
+        mixing,
         track.covariances[:, None] + np.einsum("ija,ijb->ijab", spread, spread),
     )
     identity, zero = np.eye(3), np.zeros((3, 3))
@@ -345,7 +345,7 @@ def _extend_candidate(
     measurement: GoalMeasurement,
     parameters: GoalFilterParameters,
 ) -> tuple[GoalMeasurement, ...]:
-    """Adds a measurement to those that it agrees with; else starts anew with it alone."""
+    """Appends a measurement consistent with the candidate; else starts a new candidate."""
     if not candidate:
         return (measurement,)
     last = candidate[-1]
@@ -358,7 +358,7 @@ def _extend_candidate(
 
 
 def _published(state: GoalState, p_OM: Vector, parameters: GoalFilterParameters) -> GoalState:
-    """Publishes the track's pose if it moved, turned or improved enough."""
+    """Publishes the track's pose if it has moved, turned or improved enough."""
     if state.track is None:
         return state
     estimate, last = state.track.pose(p_OM), state.published

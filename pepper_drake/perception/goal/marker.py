@@ -1,6 +1,6 @@
-"""ArUco markers: finding them in an image and the pose of a square marker from its corners.
+"""ArUco markers: detection in an image, and the pose of a square marker from its corners.
 
-The marker frame M has its origin at the middle of the black square, x to the right and y up on the
+The marker frame M has its origin at the centre of the black square, x to the right and y up on the
 printed face, z out of it.
 """
 
@@ -26,15 +26,15 @@ MARKER_DICTIONARY = "DICT_4X4_50"
 
 
 _LARGEST_SIDE = 2.0
-"""Side of a marker that no robot's goal exceeds [m]."""
+"""Largest plausible side of a goal's marker [m]."""
 
 
 _WORTHLESS = 10.0
-"""OpenCV's first guess is of no use with a reprojection error above this [pixels]: so it is for a
-marker that faces the camera squarely, its sides along the image's, to the last digit."""
+"""Reprojection error above which OpenCV's initial guess is useless [pixels], as for a marker that
+is exactly parallel to the image plane with its sides along the image's."""
 
 _NUDGE = np.array([[[1e-3, 0.0]], [[0.0, 0.0]], [[0.0, 0.0]], [[0.0, 1e-3]]])
-"""Corners that are off by this [pixels] are not square to the last digit."""
+"""Perturbation of corners that breaks this degeneracy [pixels]."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ class Detection:
         id: Its number in the dictionary.
         corners: Pixel coordinates (4, 2) of the printed marker's top left, top right, bottom right
             and bottom left corner.
-        corner_sigma: Standard deviation of a corner's coordinate [pixels], at most.
-        grain: Noise of the image around it over its contrast, 0 if it is not known.
-        softness: Contrast over the steepest slope of its edges [pixels], 0 if it is not known.
-        clipped: Share of what is white around it that is as white as the image can be.
+        corner_sigma: Upper bound of the standard deviation of a corner's coordinate [pixels].
+        grain: Noise of the surrounding image relative to its contrast, 0 if unknown.
+        softness: Contrast divided by the steepest slope of its edges [pixels], 0 if unknown.
+        clipped: Saturated fraction of the white pixels around it.
     """
 
     id: int
@@ -60,7 +60,7 @@ class Detection:
 
     @property
     def side(self) -> float:
-        """Length of its shortest side [pixels]."""
+        """Returns the length of its shortest side [pixels]."""
         return float(np.linalg.norm(self.corners - np.roll(self.corners, 1, axis=0), axis=1).min())
 
 
@@ -70,8 +70,8 @@ class MarkerPose:
 
     Attributes:
         X_CM: Pose of the marker in the camera frame.
-        reprojection_error: Root mean square distance of the corners, or of the pattern's edges,
-            from where the pose puts them [pixels].
+        reprojection_error: Root mean square reprojection error of the corners, or of the pattern's
+            edges [pixels].
         covariance: Covariance (6, 6) of rotation (rad, axes of C) and position (m, in C).
         on_edges: Whether the pose was fitted to all edges of the pattern.
         corner_sigma: Standard deviation of a corner's coordinate [pixels].
@@ -86,10 +86,10 @@ class MarkerPose:
 
 @functools.lru_cache(maxsize=32)
 def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
-    """Returns one of OpenCV's dictionaries of markers by its name.
+    """Returns one of OpenCV's marker dictionaries by name.
 
     Raises:
-        InputError: If there is none of that name.
+        InputError: If the name is unknown.
     """
     number = getattr(cv2.aruco, name, None)
     if not (name.startswith("DICT_") and isinstance(number, int)):
@@ -112,11 +112,11 @@ def check_marker(name: str, marker_id: int) -> None:
 
 @functools.lru_cache(maxsize=4)
 def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
-    """Finds few markers that are none, with precise corners."""
+    """Makes a detector with few false positives and precise corners."""
     parameters = cv2.aruco.DetectorParameters()
-    # Lines fitted to the edges instead of corner sub-pixels: a tenth of the depth error.
+    # Line fits to the edges instead of subpixel corners: a tenth of the depth error.
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
-    # Without these two the sensor's noise is taken for edges, and a frame costs 100 ms.
+    # Without these two, sensor noise is taken for edges, and a frame takes 100 ms.
     parameters.aprilTagMinWhiteBlackDiff = 25
     parameters.aprilTagQuadSigma = 0.8
     return cv2.aruco.ArucoDetector(marker_dictionary(dictionary), parameters)
@@ -124,7 +124,7 @@ def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
 
 @functools.lru_cache(maxsize=4)
 def _second_detector(dictionary: str) -> cv2.aruco.ArucoDetector:
-    """Finds also what is small, too dark or too bright, with corners that are less precise."""
+    """Makes a detector for small, dark or overexposed markers, with less precise corners."""
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     return cv2.aruco.ArucoDetector(marker_dictionary(dictionary), parameters)
@@ -140,14 +140,14 @@ def detect_markers(
 ) -> list[Detection]:
     """Finds the markers in an image.
 
-    A second, more patient detector is asked if the first finds nothing.
+    A second, more sensitive detector is used if the first finds nothing.
 
     Args:
-        image: Image of any kind that `to_gray` takes; an empty one has no markers.
+        image: Image of any kind that `to_gray` accepts; an empty one has no markers.
         dictionary: Name of an OpenCV dictionary.
         window: Part of the image to search, (left, top, right, bottom) in pixels, right and
-            bottom exclusive; all of it when left out.
-        wanted: A marker's number without which what the first detector finds counts as nothing.
+            bottom exclusive; all of it if omitted.
+        wanted: Id of the wanted marker: if the first detector misses it, the second is used, too.
         params: Smallest marker, and the noise of corners.
 
     Returns:
@@ -164,7 +164,7 @@ def detect_markers(
             return []
         image = image[top:bottom, left:right]
     gray = np.ascontiguousarray(to_gray(image))
-    # The first counts pixel edges: its first pixel's centre is at 0.5.
+    # The first detector has the centre of the first pixel at 0.5.
     corner = np.array([left, top], dtype=float)
     found = _detections(_detector(dictionary), gray, corner - 0.5, params.corner_sigma, params)
     if found and (wanted is None or any(detection.id == wanted for detection in found)):
@@ -204,10 +204,10 @@ def _detections(
 def _condition(
     gray: npt.NDArray[np.uint8], corners: npt.NDArray[np.float32], params: MarkerParams
 ) -> dict[str, float]:
-    """Returns grain, softness and what is clipped of a quadrilateral; see `Detection`.
+    """Returns grain, softness and clipping of a quadrilateral; see `Detection`.
 
-    The noise is what Immerkaer's mask leaves (1996, "Fast Noise Variance Estimation",
-    doi:10.1006/cviu.1996.0060), its median, since the marker has edges.
+    The noise is estimated with Immerkaer's mask (1996, "Fast Noise Variance Estimation",
+    doi:10.1006/cviu.1996.0060), by the median because of the marker's edges.
     """
     low, high = corners.min(axis=0), corners.max(axis=0)
 
@@ -217,8 +217,8 @@ def _condition(
         return gray[top:bottom, left:right].astype(np.float32)
 
     dark, bright = np.percentile(around(0.0), (10, 90))
-    left_over = cv2.filter2D(around(1.0), -1, _IMMERKAER)
-    noise = np.median(np.abs(left_over)) / (0.6745 * 6.0)
+    residual = cv2.filter2D(around(1.0), -1, _IMMERKAER)
+    noise = np.median(np.abs(residual)) / (0.6745 * 6.0)
     near = around(0.3)
     black, white = np.percentile(near, (5, 95))
     slope = np.hypot(cv2.Sobel(near, -1, 1, 0), cv2.Sobel(near, -1, 0, 1)) / 8.0
@@ -230,14 +230,14 @@ def _condition(
 
 
 def _with_sigma(detection: Detection, corner_sigma: float, params: MarkerParams) -> Detection:
-    """The same, with what its corners err: of small markers all detectors err alike."""
+    """Sets the corners' standard deviation; for small markers it is the same for all detectors."""
     if detection.side < params.small_side:
         corner_sigma = params.second_corner_sigma * params.small_side / detection.side
     return replace(detection, corner_sigma=corner_sigma)
 
 
 def check_side(size: float) -> None:
-    """Raises InputError for what cannot be the side of a marker [m]."""
+    """Raises InputError for an impossible side of a marker [m]."""
     if not 0.0 < size <= _LARGEST_SIDE:
         raise InputError(
             f"marker size {size} must be the side of its black square in metres, at most "
@@ -263,21 +263,21 @@ def marker_poses(
 ) -> list[MarkerPose]:
     """Computes the poses that explain a marker's corners, the better one first.
 
-    A plane seen from afar has two poses that look nearly alike (Collins and Bartoli 2014,
+    A distant plane has two poses with nearly the same image (Collins and Bartoli 2014,
     "Infinitesimal Plane-Based Pose Estimation", doi:10.1007/s11263-014-0725-5). Both are returned,
-    each refined to least reprojection error.
+    each refined to minimal reprojection error.
 
     Args:
         corners: Pixel coordinates (4, 2) in the order of `Detection.corners`.
         size: Side of the black square [m].
         intrinsics: The camera, with its distortion.
         corner_sigma: Standard deviation of a corner's coordinate [pixels].
-        corner_covariance: Covariance (8, 8) of all coordinates, corner by corner [pixels^2]; that
-            of independent ones if left out.
+        corner_covariance: Covariance (8, 8) of all coordinates, corner by corner [pixels^2];
+            independent coordinates if omitted.
         params: Largest error of a pose.
 
     Returns:
-        One or two poses; none when no square projects to these corners.
+        One or two poses; none if no square projects to these corners.
     """
     if corner_covariance is None:
         corner_covariance = corner_sigma**2 * np.eye(8)
@@ -317,7 +317,7 @@ def corner_covariance(
     own = detection.corner_sigma**2 * np.eye(8)
     outwards = detection.corners - detection.corners.mean(axis=0)
     outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
-    inwards, alike = np.outer(outwards, outwards), np.tile(np.eye(2), (4, 4)) / 4
+    inwards, common = np.outer(outwards, outwards), np.tile(np.eye(2), (4, 4)) / 4
     is_soft = detection.side < params.largest_soft_side
     softer = max(detection.softness - params.sharp, 0.0) if is_soft else 0.0
     clipped = detection.clipped if is_soft else 0.0
@@ -325,10 +325,10 @@ def corner_covariance(
     def blurred(by_softness: float, by_clipping: float) -> float:
         return (by_softness * softer) ** 2 + (by_clipping * clipped) ** 2
 
-    drawn = blurred(params.shrinkage_by_softness, params.shrinkage_by_clipping) * inwards
-    drawn += blurred(params.shift_by_softness, params.shift_by_clipping) * alike
+    bias = blurred(params.shrinkage_by_softness, params.shrinkage_by_clipping) * inwards
+    bias += blurred(params.shift_by_softness, params.shift_by_clipping) * common
     if detection.side >= params.small_side:
-        return own + drawn
+        return own + bias
     shrinkage, shift, scatter = (
         (by_side / detection.side) ** 2 + (by_noise * detection.grain) ** 2
         for by_side, by_noise in (
@@ -337,7 +337,7 @@ def corner_covariance(
             (params.scatter_by_side, params.scatter_by_noise),
         )
     )
-    return shift * alike + scatter * (np.eye(8) - alike) + shrinkage * inwards + drawn
+    return shift * common + scatter * (np.eye(8) - common) + shrinkage * inwards + bias
 
 
 def detection_poses(
@@ -346,7 +346,7 @@ def detection_poses(
     intrinsics: CameraIntrinsics,
     params: MarkerParams = DEFAULT_MARKER,
 ) -> list[MarkerPose]:
-    """Computes the poses that explain a detection, with what its corners err; see `marker_poses`.
+    """Computes the poses that explain a detection, with its corner errors; see `marker_poses`.
 
     Args:
         detection: The marker found.
@@ -377,17 +377,17 @@ def refine_poses(
     """Fits poses to all edges of the marker's pattern.
 
     Args:
-        image: Image of any kind that `to_gray` takes.
-        poses: What `marker_poses` returned. The second is left out when it is clearly worse.
+        image: Image of any kind that `to_gray` accepts.
+        poses: Result of `marker_poses`. The second is dropped if it is clearly worse.
         marker_id: The marker's number.
         size: Side of the black square [m].
         intrinsics: The camera.
         dictionary: Name of an OpenCV dictionary.
-        params: Search for the edges, and what tells two poses apart.
+        params: Search for the edges, and disambiguation of two poses.
 
     Returns:
-        The refined poses, the better one first. None when the pattern is not seen where a pose
-        puts it. Poses of a marker that is too small in the image are returned as they are.
+        The refined poses, the better one first, without those whose pattern is not seen. Poses of
+        a marker that is too small in the image are returned unchanged.
     """
     if len(poses) > 1 and is_better(poses[0], poses[1], params):
         poses = poses[:1]
@@ -412,19 +412,19 @@ def choose_pose(
 ) -> MarkerPose | None:
     """Chooses between a marker's two poses.
 
-    The smaller reprojection error decides when it is clearly smaller. Otherwise it is the pose that
-    turns the object least from where it was last; without a last orientation, the pose with which
-    the object's z axis is closest to upright.
+    If the reprojection errors differ clearly, the smaller one decides. Otherwise it is the pose
+    closest to the object's last orientation, or without one, that with the object's z axis closest
+    to upright.
 
     Args:
-        poses: What `marker_poses` returned.
+        poses: Result of `marker_poses`.
         X_WC: Pose of the camera.
         X_OM: Pose of the marker on the object.
         R_WO_last: The object's last known orientation.
-        params: Errors that tell two poses apart.
+        params: Disambiguation of two poses.
 
     Returns:
-        The chosen pose; None when there is none.
+        The chosen pose; None if there is none.
     """
     if not poses:
         return None
@@ -434,17 +434,17 @@ def choose_pose(
     if is_better(best, other, params):
         return best
 
-    def strangeness(pose: MarkerPose) -> float:
+    def implausibility(pose: MarkerPose) -> float:
         R_WO = (X_WC @ pose.X_CM @ X_OM.inverse()).rotation()
         if R_WO_last is not None:
             return _angle(R_WO, R_WO_last)
         return -float(R_WO.col(2)[2])
 
-    return min((best, other), key=strangeness)
+    return min((best, other), key=implausibility)
 
 
 def is_better(best: MarkerPose, other: MarkerPose, params: MarkerParams = DEFAULT_MARKER) -> bool:
-    """True if the reprojection errors alone tell which of two poses is right."""
+    """Tells whether the reprojection errors alone determine which of two poses is right."""
     least, error = max(best.reprojection_error, 0.02), other.reprojection_error
     if best.on_edges and other.on_edges:
         return error > params.edges.ambiguity_ratio * least
@@ -453,6 +453,6 @@ def is_better(best: MarkerPose, other: MarkerPose, params: MarkerParams = DEFAUL
 
 
 def _angle(R1: RotationMatrix, R2: RotationMatrix) -> float:
-    """Angle between two orientations [rad]."""
+    """Returns the angle between two orientations [rad]."""
     cosine = (np.sum(R1.matrix() * R2.matrix()) - 1) / 2
     return float(np.arccos(np.clip(cosine, -1, 1)))

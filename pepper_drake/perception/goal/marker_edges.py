@@ -1,9 +1,9 @@
-"""Refining a marker's pose on all black-white edges of its pattern, not only on its four sides.
+"""Refines a marker's pose on all black-white edges of its pattern, not only on its four sides.
 
-The corners of a marker 1 m away are known to a tenth of a pixel, which is several millimetres of
-depth. Its pattern has many more edges. Each is found along the normal of its predicted place, and
-the pose that brings all of them together is found by Gauss-Newton steps, as model-based trackers
-do (Drummond and Cipolla 2002, doi:10.1109/TPAMI.2002.1017620).
+The corners of a marker 1 m away are measured to a tenth of a pixel, which is several millimetres of
+depth. Its pattern has many more edges. Each is searched for along the normal of its predicted
+position, and the pose is fitted to all of them by Gauss-Newton steps, as in model-based tracking
+(Drummond and Cipolla 2002, doi:10.1109/TPAMI.2002.1017620).
 """
 
 import functools
@@ -20,10 +20,10 @@ from pepper_drake.perception.goal.marker_params import DEFAULT_MARKER, EdgeParam
 Array = npt.NDArray[np.float64]
 
 _SAMPLES = 4
-"""Places along one module's edge at which it is looked for."""
+"""Samples along one module's edge."""
 
 _OFFSETS = np.linspace(-1, 1, 11)
-"""Places along the normal at which the image is read, as shares of the search range."""
+"""Image samples along the normal, relative to the search range."""
 
 
 _WORST_CONDITION = 1e12
@@ -35,7 +35,7 @@ class MarkerEdges:
     """The black-white edges of a marker's pattern, sampled.
 
     Attributes:
-        points: (N, 2) on the edges, in sides of the black square, origin in its middle, y up.
+        points: (N, 2) on the edges, in sides of the black square, origin at its centre, y up.
         normals: (N, 2) unit vectors from black to white.
         modules: Modules along the side of the black square.
     """
@@ -51,8 +51,8 @@ class EdgeFit:
 
     Attributes:
         X_CM: The pose.
-        error: Root mean square distance of the edges from where the pose puts them [pixels].
-        support: Share of the pattern's edges that were seen.
+        error: Root mean square reprojection error of the edges [pixels].
+        support: Fraction of the pattern's edges that were seen.
         covariance: (6, 6) of rotation (rad, axes of C) and position (m, in C).
     """
 
@@ -105,7 +105,7 @@ def refine_on_edges(
 
     Args:
         gray: The image (height, width).
-        X_CM: The pose to start from, right within about a pixel.
+        X_CM: Initial pose, correct to about a pixel.
         edges: The pattern's edges.
         size: Side of the black square [m].
         intrinsics: The camera.
@@ -113,12 +113,12 @@ def refine_on_edges(
         params: Search for the edges, and their errors.
 
     Returns:
-        The fit; None when too few edges are seen to fit a pose.
+        The fit; None if too few edges are seen.
     """
     fit = _fit(gray, X_CM, edges, size, intrinsics, iterations, params, offset=None)
     if fit is None or abs(fit[1]) < params.least_offset:
         return None if fit is None else fit[0]
-    # Too much light makes white wider: all edges are beside where they belong.
+    # Overexposure widens white areas: all edges are shifted.
     again = _fit(gray, fit[0].X_CM, edges, size, intrinsics, iterations, params, offset=fit[1])
     return fit[0] if again is None else again[0]
 
@@ -134,11 +134,11 @@ def _fit(
     *,
     offset: float | None,
 ) -> tuple[EdgeFit, float] | None:
-    """Fits the pose, and if an offset [pixels] of all edges towards white is given, that too.
+    """Fits the pose, and if given, a common offset of all edges towards white [pixels], too.
 
     Returns:
-        The fit and the offset; where it was not fitted, what it would be. None when too few edges
-        are seen.
+        The fit, and the offset, estimated from the residuals if it was not fitted. None if too few
+        edges are seen.
     """
     flat = np.zeros((len(edges.points), 1))
     model = np.hstack([edges.points * size, flat])
@@ -152,7 +152,7 @@ def _fit(
         p_C = arm + translation
         if p_C[:, 2].min() <= 0:
             return None
-        # A hundredth of the marker along the normal, as it appears in the image.
+        # Image of a hundredth of the marker's side along the normal.
         ahead = p_C + (0.01 * size) * (normals @ R.T)
         both = intrinsics.project(np.concatenate([p_C, ahead]))
         place = both[: len(p_C)]
@@ -188,16 +188,16 @@ def _fit(
                 shifted += float(step[6])
     error = float(np.sqrt(np.average(np.square(r), weights=weight)))
     module = 100 / edges.modules * length[seen]
-    drawn = float(np.average((params.neighbours / module**2) ** 2, weights=weight))
-    # The samples of one edge err together.
-    variance = float(max(error, params.least_error) ** 2 + drawn) * _SAMPLES
+    blur_variance = float(np.average((params.neighbours / module**2) ** 2, weights=weight))
+    # The samples of one edge are fully correlated.
+    variance = float(max(error, params.least_error) ** 2 + blur_variance) * _SAMPLES
     pose = RigidTransform(rotation, translation)
     covariance = np.asarray(variance * inverse[:6, :6], dtype=float)
-    # What draws all edges inwards or outwards alike is taken for another distance.
+    # A common shift of all edges inwards or outwards appears as another distance.
     width_share = width * float(np.mean(reach[seen] / module))
     blurred = params.blurred * np.exp((width_share - params.blurred_width) / params.blurred_growth)
-    spilt = params.spill * shifted / float(np.mean(module))
-    along = float(np.hypot(blurred, spilt)) / (100 * float(np.mean(length))) * translation
+    spill = params.spill * shifted / float(np.mean(module))
+    along = float(np.hypot(blurred, spill)) / (100 * float(np.mean(length))) * translation
     covariance[3:, 3:] += np.outer(along, along)
     if offset is None:
         shifted = float(np.linalg.lstsq(whole, J.T @ (weight * r), rcond=None)[0][6])
@@ -205,16 +205,16 @@ def _fit(
 
 
 def _jacobian(arm: Array, p_C: Array, direction: Array, intrinsics: CameraIntrinsics) -> Array:
-    """Jacobian of points along image directions by the marker's rotation and translation.
+    """Returns the Jacobian of points along image directions w.r.t. the marker's pose.
 
     Args:
         arm: Points from the marker's origin (N, 3), axes of C.
         p_C: Points in the camera frame (N, 3).
         direction: Image directions (N, 2).
-        intrinsics: The camera; that its distortion differs from place to place is neglected.
+        intrinsics: The camera; the gradient of its distortion is neglected.
 
     Returns:
-        (N, 6), pixels for each rad about C's axes and m along them.
+        (N, 6), pixels per rad about C's axes and per m along them.
     """
     scaled = direction * np.array([intrinsics.focal_x, intrinsics.focal_y]) / p_C[:, 2:]
     x, y, z = arm.T
@@ -230,7 +230,7 @@ def _find_edges(
     reach: Array,
     params: EdgeParams,
 ) -> tuple[Array, npt.NDArray[np.bool_], float]:
-    """Finds edges near predicted places.
+    """Finds edges near predicted positions.
 
     Args:
         gray: The image.
@@ -240,8 +240,8 @@ def _find_edges(
         params: Contrast of an edge.
 
     Returns:
-        Shift of each edge along its direction (N,), pixels, which of them were seen (N,), and the
-        standard deviation of where their steps are steep, as a share of the search range.
+        Shift of each edge along its direction (N,) [pixels], which of them were seen (N,), and the
+        width (standard deviation) of the edges' slope, relative to the search range.
     """
     steps = reach[:, None] * _OFFSETS
     at = (places[:, None] + steps[..., None] * direction[:, None]).astype(np.float32)
@@ -250,9 +250,9 @@ def _find_edges(
     ).astype(float)
     dark, bright = profile[:, :2].mean(axis=1), profile[:, -2:].mean(axis=1)
     contrast = bright - dark
-    usual = np.median(contrast)
-    seen = contrast > max(params.least_contrast * usual, params.least_step)
-    # Where a step from dark to bright has to be to leave this much light within the range.
+    median_contrast = np.median(contrast)
+    seen = contrast > max(params.least_contrast * median_contrast, params.least_step)
+    # Position of an ideal step from dark to bright with the same integral over the range.
     fill = np.mean((profile - dark[:, None]), axis=1) / np.where(seen, contrast, 1.0)
     shift = reach * (1 - 2 * fill)
     height, width = gray.shape
@@ -266,7 +266,7 @@ def _find_edges(
 
 
 def _width(profile: Array) -> float:
-    """Returns the standard deviation of a step's slope, as a share of the search range."""
+    """Returns the standard deviation of a step's slope, relative to the search range."""
     slope = np.maximum(np.diff(profile), 1e-6)
     middles = (_OFFSETS[1:] + _OFFSETS[:-1]) / 2
     return float(np.sqrt(np.cov(middles, aweights=slope, ddof=0)))

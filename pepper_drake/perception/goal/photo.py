@@ -1,4 +1,4 @@
-"""Markers in a single photo: poses, or their identities if not those that were looked for."""
+"""Markers in a single photo: poses of a known marker, or identities of unknown ones."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ DICTIONARIES = (
     "DICT_APRILTAG_25h9",
     "DICT_4X4_1000",
 )
-"""OpenCV's dictionaries in which a marker of unknown origin is looked for, the largest of each
-family, which holds the smaller ones."""
+"""OpenCV's dictionaries in which an unknown marker is searched for: the largest of each family,
+which contains the smaller ones."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class MarkerSighting:
     Attributes:
         detection: Its corners.
         pose: Its most likely pose X_CM in the camera frame.
-        other: The other pose that explains it as well, if there is one.
+        other: The other pose if it is ambiguous, else None.
     """
 
     detection: Detection
@@ -65,18 +65,18 @@ def find_in_photo(
     dictionary: str = MARKER_DICTIONARY,
     order: str = "bgr",
 ) -> list[MarkerSighting]:
-    """Finds all markers of a number in a photo.
+    """Finds all markers with a given number in a photo.
 
     Args:
-        image: The photo, of any kind that `to_gray` takes.
+        image: The photo, of any kind that `to_gray` accepts.
         intrinsics: The camera that took it.
         marker_id: The marker's number.
         size: Side of its black square [m].
         dictionary: Name of OpenCV's dictionary.
-        order: Of the photo's colours.
+        order: Order of the photo's colours.
 
     Returns:
-        One for each marker, in no particular order.
+        The sightings, in no particular order.
 
     Raises:
         InputError: If the photo has another size than the camera, or there is no such marker.
@@ -99,14 +99,14 @@ def find_in_photo(
 def markers_shown(
     image: npt.NDArray[Any], *, order: str = "bgr", dictionaries: Sequence[str] = DICTIONARIES
 ) -> list[tuple[str, int]]:
-    """Tells which markers of any dictionary a photo shows, as dictionary and number.
+    """Identifies the markers of any dictionary in a photo, by dictionary and number.
 
-    Where several dictionaries find one, the first is named.
+    If several dictionaries match a marker, the first is returned.
 
     Args:
-        image: The photo, of any kind that `to_gray` takes.
-        order: Of its colours.
-        dictionaries: Names of OpenCV's dictionaries to look in.
+        image: The photo, of any kind that `to_gray` accepts.
+        order: Order of its colours.
+        dictionaries: Names of OpenCV's dictionaries to search.
     """
     gray = to_gray(image, order=order)
     found: list[tuple[str, int]] = []

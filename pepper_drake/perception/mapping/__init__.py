@@ -1,1 +1,1 @@
-"""Obstacles: depth images to clouds, voxel map, moving obstacles."""
+"""Obstacles: point clouds from depth images, voxel map, moving obstacles."""

@@ -1,6 +1,6 @@
-"""From a depth image to the points of obstacles in the world frame.
+"""Converts a depth image to the points of obstacles in the world frame.
 
-The depth image is thinned first and projected then: what is not projected costs nothing.
+The depth image is subsampled before it is projected, to save time.
 """
 
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ Array = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
 
 _MANY, _NEAREST_MM = 0.05, 150
-"""If more than this share of an image is measured, and all of it nearer than this, the whole
-numbers are no millimetres: no depth camera measures there."""
+"""If more than this fraction of an image is measured, and all of it nearer than this, its integers
+are not millimetres, as no depth camera measures so near."""
 
 _FARTHEST_ROOM = 100.0
-"""No depth camera sees farther, by half of its pixels [m]."""
+"""Median depth beyond the range of any depth camera [m]."""
 
 
 @dataclass(unsafe_hash=True)
@@ -32,20 +32,20 @@ class CloudParameters:
     """Parameters of clouds made from depth images.
 
     Attributes:
-        stride: Every how many-th pixel is used along both axes, ...
-        largest_spacing: ... but all where the used ones would be this far apart in depth [m].
-        max_range: Farthest distance from the camera [m].
-        floor_height: What lies lower than this in W is floor [m].
-        flying_slope: Steepest surface, as change of depth over change along the image, that is
-            told from a jump between two surfaces.
+        stride: Stride of the pixels used along both axes, ...
+        largest_spacing: ... except where they would be farther apart in depth than this [m].
+        max_range: Largest distance from the camera [m].
+        floor_height: Points below this height in W belong to the floor [m].
+        flying_slope: Steepest slope of a surface, as change of depth over change along the image;
+            steeper is a jump between two surfaces.
         flying_noise: Standard deviation of the depth at 1 m [m]; it grows with the square of depth.
-        flying_neighbours: Least number of the eight neighbouring pixels on the same surface.
-        object_margin: What is closer than this to the goal object belongs to it [m], ...
-        object_lag: ... and what it may have moved in this time [s]: half between images, half in
-            filters, ...
-        largest_object_lag: ... but no more than this [m].
-        robot_margin: What is closer than this to the robot's collision shapes belongs to it [m].
-        smooth_spread: Inverse depths of 5x5 pixels on one surface differ by at most this share.
+        flying_neighbours: Smallest number of the eight neighbouring pixels on the same surface.
+        object_margin: Points closer than this to the goal object belong to it [m]; ...
+        object_lag: ... the margin grows by the object's displacement in this time [s], half image
+            period, half filters, ...
+        largest_object_lag: ... but by no more than this [m].
+        robot_margin: Points closer than this to the robot's collision shapes belong to it [m].
+        smooth_spread: Largest relative difference of inverse depths of 5x5 pixels on one surface.
     """
 
     stride: int = 2
@@ -71,7 +71,7 @@ class SurfacePoints:
 
     Attributes:
         positions: (N, 3) [m], in W.
-        normals: (N, 3) of unit length towards the camera, in W; NaN where they are not known.
+        normals: (N, 3) unit normals towards the camera, in W; NaN where unknown.
     """
 
     positions: Array
@@ -80,7 +80,7 @@ class SurfacePoints:
     __repr__ = short_repr
 
     def select(self, mask: Mask) -> "SurfacePoints":
-        """Returns those of a mask (N,)."""
+        """Returns the points selected by a mask (N,)."""
         if mask.all():
             return self
         return SurfacePoints(self.positions[mask], self.normals[mask])
@@ -89,21 +89,21 @@ class SurfacePoints:
 def depth_in_metres(
     depth: npt.NDArray[np.generic], intrinsics: CameraIntrinsics, *, scale: float | None = None
 ) -> Array:
-    """Returns a depth image as float32 metres with 0 wherever nothing was measured.
+    """Converts a depth image to float32 metres with 0 for holes.
 
     Args:
-        depth: (height, width[, 1]) of any integer or floating type. Nothing was measured where it
-            is 0 or less, NaN, infinite, or in whole numbers 65535 or 2047, by which drivers say so.
+        depth: (height, width[, 1]) of any integer or floating-point type. Holes are values of 0 or
+            less, NaN, infinity, or the drivers' integer codes 65535 and 2047.
         intrinsics: The camera; depths outside its near and far are dropped.
-        scale: Length of the image's unit [m]; a millimetre for whole numbers and a metre for
-            floating ones when left out.
+        scale: Unit of the image [m]; if omitted, a millimetre for integers and a metre for
+            floating-point numbers.
 
     Returns:
         (height, width); (0, 0) for an image without pixels.
 
     Raises:
         InputError: If it has another size than the camera or more than one channel, or its values
-            cannot be what they should without a scale.
+            are implausible in their unit.
     """
     if depth.ndim == 3 and depth.shape[2] == 1:
         depth = depth[..., 0]
@@ -137,7 +137,7 @@ def depth_in_metres(
 
 
 def _check_unit(depth: npt.NDArray[np.generic], whole: bool, scale: float | None) -> None:
-    """Raises if an image cannot be in its unit: by its scale, else mm (whole numbers) or m."""
+    """Raises InputError if values are implausible in their unit: the scale, else mm or m."""
     values = depth[::7, ::7].astype(np.float64)
     with np.errstate(invalid="ignore"):
         values = values[np.isfinite(values) & (values > 0)]
@@ -158,13 +158,13 @@ def _check_unit(depth: npt.NDArray[np.generic], whole: bool, scale: float | None
 
 
 def surface_pixels(depth: Array, intrinsics: CameraIntrinsics, parameters: CloudParameters) -> Mask:
-    """Tells the pixels that lie on a surface from those that fly between two.
+    """Finds the pixels on surfaces, as opposed to flying pixels between two surfaces.
 
-    A pixel lies on a surface when enough of its neighbours have its depth, but for noise and as
-    much slope as a surface seen at a grazing angle has.
+    A pixel is on a surface when enough of its neighbours have the same depth, within noise and the
+    slope of a surface seen at a grazing angle.
 
     Args:
-        depth: (height, width), m, 0 where there is none.
+        depth: (height, width) [m], 0 for holes.
         intrinsics: The camera.
         parameters: Slope, noise and number of neighbours.
 
@@ -190,25 +190,25 @@ def surface_pixels(depth: Array, intrinsics: CameraIntrinsics, parameters: Cloud
 def inverse_depth_gradient(
     depth: Array, intrinsics: CameraIntrinsics, spread: float = CloudParameters.smooth_spread
 ) -> tuple[Array, Array]:
-    """Computes how the inverse depth changes along the image: (d/dx, d/dy) of 1/z.
+    """Computes the gradient (d/dx, d/dy) of the inverse depth 1/z.
 
     (x, y) is the pixel's ray at unit depth. A plane's inverse depth is linear in it; the gradient
     is that of the plane fitted to 5x5 pixels.
 
     Args:
-        depth: (height, width), m, 0 where there is none.
+        depth: (height, width) [m], 0 for holes.
         intrinsics: The camera; its distortion is neglected.
-        spread: Share by which inverse depths on one surface differ at most.
+        spread: Largest relative difference of inverse depths on one surface.
 
     Returns:
-        Two images (height, width), 1/m; NaN where the 5x5 pixels are not all on one surface.
+        Two images (height, width) [1/m]; NaN where the 5x5 pixels are not all on one surface.
     """
     inverse = np.divide(np.float32(1), depth, out=np.zeros_like(depth), where=depth > 0)
     ramp, flat = np.arange(-2, 3, dtype=np.float32), np.ones(5, np.float32)
     gradient_x = cv2.sepFilter2D(inverse, cv2.CV_32F, ramp * (intrinsics.focal_x / 50), flat)
     gradient_y = cv2.sepFilter2D(inverse, cv2.CV_32F, flat, ramp * (intrinsics.focal_y / 50))
     kernel = np.ones((5, 5), np.uint8)
-    # Beyond the border nothing is known.
+    # Pixels beyond the border count as holes.
     lowest = cv2.erode(inverse, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     highest = cv2.dilate(inverse, kernel)
     jump = (lowest <= 0) | (highest > (1 + spread) * lowest)
@@ -223,14 +223,14 @@ def thin_pixels(
     intrinsics: CameraIntrinsics,
     parameters: CloudParameters,
 ) -> Mask:
-    """Chooses every `stride`-th row and column, and all where a surface is seen edge-on.
+    """Selects every `stride`-th row and column, and all pixels where a surface is steep.
 
-    On a table top seen from just above it, neighbouring rows are a centimetre or more apart: there
-    none can be spared. Nor at edges, where many pixels are lost.
+    On a table top seen from just above it, neighbouring rows are a centimetre or more apart, so all
+    are used; also at edges, where many pixels are lost.
 
     Args:
-        depth: (height, width), m, 0 where there is none.
-        gradient: Of the inverse depth, from `inverse_depth_gradient`.
+        depth: (height, width) [m], 0 for holes.
+        gradient: Gradient of the inverse depth, from `inverse_depth_gradient`.
         intrinsics: The camera.
         parameters: Stride and largest spacing.
 
@@ -259,7 +259,7 @@ def observe_surfaces(
     X_WC: RigidTransform,
     parameters: CloudParameters,
 ) -> SurfacePoints:
-    """Projects a depth image to the points of all surfaces but the floor.
+    """Projects a depth image to the points of all surfaces except the floor.
 
     Args:
         depth: From `depth_in_metres`.
@@ -306,7 +306,7 @@ def to_point_cloud(surface: SurfacePoints, X_FW: RigidTransform | None = None) -
 
     Args:
         surface: The points, in W.
-        X_FW: Pose of W in the frame that the cloud shall be in; W when left out.
+        X_FW: Pose of W in the cloud's frame F; F is W if omitted.
     """
     positions, normals = surface.positions, surface.normals
     if X_FW is not None:

@@ -1,4 +1,4 @@
-"""Reads point clouds from the files that other programs write: PCD, PLY, NPZ and NPY."""
+"""Reads point clouds from PCD, PLY, NPZ and NPY files."""
 
 import io
 import re
@@ -17,11 +17,11 @@ _LARGEST = 128 * 2**20
 _NAMES = ("positions", "points", "xyz", "xyzs", "arr_0")
 """Names of arrays that hold points."""
 _KINDS = "fiubUSV"
-"""Elements of arrays: numbers, records with fields x, y and z, and words, which are refused."""
+"""Element types of arrays: numbers, records with fields x, y and z, and strings, to be refused."""
 _FARTHEST = 1e6
-"""No point is farther away [m], whatever the unit."""
+"""Largest coordinate accepted [m]."""
 _FARTHEST_ROOM = 15.0
-"""Half of a cloud's points are nearer than this to its middle, if it is in metres [m]."""
+"""Largest median distance of the points from the cloud's centre that is plausible [m]."""
 
 
 def load_cloud(path: str | Path, *, scale: float = 1.0) -> npt.NDArray[np.float64]:
@@ -30,14 +30,14 @@ def load_cloud(path: str | Path, *, scale: float = 1.0) -> npt.NDArray[np.float6
     Args:
         path: A `.pcd`, `.ply`, `.npz` or `.npy` file. An array is (P, 3); in an NPZ it is named
             positions, points or xyz, or is the only one.
-        scale: Length of the file's unit [m].
+        scale: Unit of the file [m].
 
     Returns:
         The finite points (P, 3) [m], in the file's frame.
 
     Raises:
-        InputError: If the file is none of these, holds no points, or is not in metres by all
-            appearance; or the library that reads it is not installed.
+        InputError: If the format is unknown, the file has no points or is apparently not in metres,
+            or the library that reads it is not installed.
     """
     path = Path(path)
     readers = {
@@ -68,7 +68,7 @@ def load_cloud(path: str | Path, *, scale: float = 1.0) -> npt.NDArray[np.float6
 
 
 def _columns(path: Path, table: Any, names: Any) -> npt.NDArray[np.float64]:
-    """Columns x, y and z of a structured array (P, 3)."""
+    """Returns the columns x, y and z of a structured array (P, 3)."""
     missing = [name for name in "xyz" if name not in (names or ())]
     if missing:
         raise InputError(f"{path}: has no field {missing[0]}.")
@@ -85,12 +85,12 @@ def _pcd(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
         raise InputError(
             f'{path}: PCD files are read by pypcd4; install it: pip install "pepper-drake[clouds]".'
         ) from None
-    # Versions 0.5 and 0.6 have the header of 0.7 without a line for the viewpoint.
+    # The headers of versions 0.5 and 0.6 differ from 0.7 only in the missing viewpoint.
     content = re.sub(rb"^VERSION\s+0?\.[56]\b", b"VERSION .7", file.getvalue(), count=1, flags=re.M)
     try:
         cloud = PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(content)))
         table, names = cloud.pc_data, cloud.fields
-    except Exception:  # The library raises whatever its parser ran into.
+    except Exception:  # The library's parser raises all kinds of errors.
         raise InputError(f"{path}: is not a PCD file that can be read.") from None
     return _columns(path, table, names)
 
@@ -105,7 +105,7 @@ def _ply(path: Path, file: io.BytesIO) -> npt.NDArray[np.float64]:
         ) from None
     try:
         vertices = PlyData.read(file)["vertex"].data
-    except Exception:  # The library raises whatever its parser ran into.
+    except Exception:  # The library's parser raises all kinds of errors.
         raise InputError(f"{path}: is not a PLY file with vertices that can be read.") from None
     return _columns(path, vertices, vertices.dtype.names)
 

@@ -1,4 +1,4 @@
-"""Drake's PointCloud as an array, and back."""
+"""Conversion between Drake's PointCloud and arrays."""
 
 import numpy as np
 import numpy.typing as npt
@@ -8,7 +8,7 @@ from pydrake.perception import BaseField, Fields, PointCloud
 def cloud_points(cloud: PointCloud) -> npt.NDArray[np.float64]:
     """Returns the finite points (P, 3) of a cloud, in its frame [m]."""
     points = np.asarray(cloud.xyzs(), dtype=float).T
-    # A sum is finite if all of it is; numpy is slow to say so along the short axis.
+    # The sum of a row is finite if all of it is; faster than `all` along the short axis.
     return points[np.isfinite(points @ np.ones(3))]
 
 

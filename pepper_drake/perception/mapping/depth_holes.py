@@ -1,14 +1,13 @@
-"""Why a depth image has holes, other than by things too near to be measured.
+"""Explains holes in a depth image that are not due to objects too near to be measured.
 
 A hole is explained by one of these:
 
-- The sensor never measures there: a blank band along the image's border, or pixels that stayed
-  blank while the camera moved so far that a thing before it would have left them.
-- The projector does not light what is behind: something nearer is in between (see
-  `cameras.structured_light`).
-- The surface throws nothing back: the hole is closed all around, and small, or stayed at the same
-  place of the surface while the camera moved so far that what a nearer thing hides would be
-  elsewhere.
+- The sensor is blind there: a blank band along the image's border, or pixels that stayed blank
+  while the camera moved so far that an object in front of it would have left them.
+- The projector's light is blocked by something nearer, a shadow (see `cameras.structured_light`).
+- The surface reflects too little, a dropout: the hole is surrounded by measured pixels, and is
+  small, or stayed at the same place of the surface while the camera moved so far that the occlusion
+  by a nearer object would have shifted.
 """
 
 from dataclasses import dataclass, replace
@@ -27,17 +26,17 @@ Mask = npt.NDArray[np.bool_]
 Points = npt.NDArray[np.floating]
 
 _CELL = 6
-"""Edge of the squares of pixels of which blindness is learned [pixels]."""
+"""Edge of the cells for which blindness is learned [pixels]."""
 _THING_DEPTHS = (0.2, 0.3, 0.4)
-"""Depths at which a thing before the camera is supposed when views are compared [m]."""
+"""Assumed depths of an object near the camera when views are compared [m]."""
 _RING = 4
-"""Width of the ring around a hole in which a surface is looked for [pixels]."""
+"""Width of the ring around a hole in which a surface is fitted [pixels]."""
 _HOLE_WIDTH = 7
-"""Edge of the square of pixels that have to have measured nothing, all of them [pixels]."""
+"""Edge of the square around a blank pixel in which no pixel measured anything [pixels]."""
 _HOLE_EDGE = _HOLE_WIDTH - 1
-"""By so much a region of blank pixels is narrower than its hole [pixels]."""
+"""Difference in width between a hole and its region of blank pixels [pixels]."""
 _PLACE_STEP = 4
-"""One of so many pixels along both axes of a closed hole is followed."""
+"""Stride of the tracked pixels of a closed hole along both axes."""
 
 
 @dataclass(unsafe_hash=True)
@@ -45,16 +44,15 @@ class HoleParameters:
     """Parameters of explaining holes.
 
     Attributes:
-        least_views: A square of pixels is blind if it was blank in so many images at least.
-        widest_band: Widest blank band along the image's border, as a share of the image's width or
-            height.
-        smallest: Size of a thing at the camera's near limit that is too small to matter [m].
-        closed: Share of the ring around a hole that has to be measured for the hole to be closed.
-        flatness: Relative error of depth up to which that ring lies in one plane.
-        same_place: Places on a surface that are nearer to one another are the same [m].
-        shadow_step: Least step in depth between a surface and what lies in its shadow [m].
-        shadow_slack: Error of the pattern's displacement at which a shadow is still explained
-            [pixels].
+        least_views: Smallest number of images in which a cell has to be blank to count as blind.
+        widest_band: Widest blank band along the image's border, as a fraction of the image's width
+            or height.
+        smallest: Size of an object at the camera's near limit that is too small to matter [m].
+        closed: Fraction of the ring around a hole that must be measured for a closed hole.
+        flatness: Largest relative error of depth for a planar ring.
+        same_place: Places on a surface closer to each other are the same [m].
+        shadow_step: Smallest depth difference between a surface and the surface in its shadow [m].
+        shadow_slack: Largest error of the pattern's displacement in a shadow [pixels].
     """
 
     least_views: int = 3
@@ -68,23 +66,23 @@ class HoleParameters:
 
 
 DEFAULT_HOLES = HoleParameters()
-"""Default of functions that are given no parameters."""
+"""Default parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class HoleMemory:
-    """Memory of holes in earlier images. Never changed once made.
+    """Immutable memory of holes in earlier images.
 
     Attributes:
         measured: Pixels (height, width) that have measured something so far; (0, 0) at first.
-        views: In how many images each square of pixels (rows, columns) was blank although something
-            is known to be there.
+        views: Number of images in which each cell (rows, columns) was blank although a surface was
+            expected there.
         poses: (rows, columns, 12) the camera's orientation (row-major) and position [m] in the
             first of them.
-        blind: Squares (rows, columns) known to be blind.
-        places: (K, 3) on surfaces, in W [m], from which nothing came back.
-        seen_from: (K, 3) the camera's position when each was first looked at, in W [m].
-        settled: (K,) those of which it is known that they are a property of the surface.
+        blind: Mask of blind cells (rows, columns).
+        places: Dropouts (K, 3) on surfaces, in W [m].
+        seen_from: The camera's position when each was first seen (K, 3), in W [m].
+        settled: Mask of confirmed dropouts, a property of the surface (K,).
     """
 
     measured: Mask
@@ -109,8 +107,8 @@ class HoleMemory:
             np.zeros(0, dtype=bool),
         )
 
-    def of_size(self, height: int, width: int) -> "HoleMemory":
-        """The same, or a new one where the images have another size."""
+    def for_image_size(self, height: int, width: int) -> "HoleMemory":
+        """Returns the memory itself, or an empty one if the images have another size."""
         if self.measured.shape == (height, width):
             return self
         rows, columns = -(-height // _CELL), -(-width // _CELL)
@@ -123,7 +121,7 @@ class HoleMemory:
         )
 
     def blind_pixels(self, parameters: HoleParameters = DEFAULT_HOLES) -> Mask:
-        """Pixels (height, width) that never measure anything, as far as is known."""
+        """Returns the mask of pixels (height, width) known to be blind."""
         height, width = self.measured.shape
         squares = np.repeat(np.repeat(self.blind, _CELL, 0), _CELL, 1)[:height, :width]
         return ~self.measured & (squares | border_band(self.measured, parameters))
@@ -132,8 +130,8 @@ class HoleMemory:
 def border_band(measured: Mask, parameters: HoleParameters = DEFAULT_HOLES) -> Mask:
     """Finds blank bands along an image's border.
 
-    A band runs along most of a side. Its width is that of nine tenths of the blank runs from the
-    border inwards, as far as those are short enough to belong to a band.
+    A band runs along most of a side. Its width is the 0.9 quantile of the lengths of the blank runs
+    from the border inwards, without those longer than the widest band.
 
     Args:
         measured: Pixels (height, width) that measured something.
@@ -147,13 +145,13 @@ def border_band(measured: Mask, parameters: HoleParameters = DEFAULT_HOLES) -> M
         for reverse in (False, True):
             side = measured if axis == 1 else measured.T
             side = side[:, ::-1] if reverse else side
-            told = side.any(axis=1)
-            if np.count_nonzero(told) < 0.25 * len(side):
+            counted = side.any(axis=1)
+            if np.count_nonzero(counted) < 0.25 * len(side):
                 continue
-            runs = np.argmax(side[told], axis=1)
+            runs = np.argmax(side[counted], axis=1)
             widest = round(parameters.widest_band * side.shape[1])
             short = runs[runs <= widest]
-            if np.count_nonzero(short > 0) < 0.5 * np.count_nonzero(told):
+            if np.count_nonzero(short > 0) < 0.5 * np.count_nonzero(counted):
                 continue
             width = int(np.quantile(short, 0.9)) + 1
             view = band if axis == 1 else band.T
@@ -163,20 +161,20 @@ def border_band(measured: Mask, parameters: HoleParameters = DEFAULT_HOLES) -> M
 
 
 def blank_pixels(depth: Array, blind: Mask | None = None) -> Mask:
-    """Finds pixels that measured nothing, nor has any in the square of seven around them.
+    """Finds pixels without any measurement in the 7x7 square around them.
 
     Args:
-        depth: Depth image (height, width) [m], 0 where nothing was measured.
-        blind: Pixels that never measure anything and so tell nothing; none when left out.
+        depth: Depth image (height, width) [m], 0 for holes.
+        blind: Mask of blind pixels, which do not count as holes; none if omitted.
 
     Returns:
         (height, width).
     """
-    told = depth > 0
+    counted = depth > 0
     if blind is not None:
-        told = told | blind
+        counted = counted | blind
     square = np.ones((_HOLE_WIDTH, _HOLE_WIDTH), np.uint8)
-    blank: Mask = cv2.dilate(told.astype(np.uint8), square) == 0
+    blank: Mask = cv2.dilate(counted.astype(np.uint8), square) == 0
     return blank
 
 
@@ -188,36 +186,36 @@ def learn_blindness(
     X_WC: RigidTransform,
     parameters: HoleParameters = DEFAULT_HOLES,
 ) -> HoleMemory:
-    """Takes in where an image is blank although something is known to be there.
+    """Updates the memory with an image's holes where a surface is expected.
 
-    A thing that makes the same pixels blank in images from two poses would have to move with the
-    camera. So pixels are blind when, between the poses, a thing before the camera moves farther in
-    the image than the blank region is wide.
+    An object that leaves the same pixels blank from two camera poses would have to move with the
+    camera. So pixels are blind if, between the poses, an object in front of the camera moves
+    farther in the image than the width of the blank region.
 
     Args:
-        memory: What was known before.
-        depth: Depth image (height, width) [m], 0 where nothing was measured.
-        expected: Columns and rows (N,) at which something is known to be there.
+        memory: The previous memory.
+        depth: Depth image (height, width) [m], 0 for holes.
+        expected: Columns and rows (N,) of pixels where a surface is expected.
         intrinsics: The camera.
         X_WC: Its pose.
-        parameters: When pixels are blind.
+        parameters: Parameters of blindness.
     """
-    memory = memory.of_size(*depth.shape)
+    memory = memory.for_image_size(*depth.shape)
     measured = memory.measured | (depth > 0)
     shape = memory.views.shape
-    alive = _any_in_cells(measured, shape)
+    has_measured = _any_in_cells(measured, shape)
     empty = ~_any_in_cells(depth > 0, shape)
-    wanted = np.zeros(shape, dtype=bool)
-    wanted[expected[1] // _CELL, expected[0] // _CELL] = True
-    blank = wanted & ~alive
+    expected_cells = np.zeros(shape, dtype=bool)
+    expected_cells[expected[1] // _CELL, expected[0] // _CELL] = True
+    blank = expected_cells & ~has_measured
     first = blank & (memory.views == 0)
-    views = np.where(alive, 0, memory.views + blank).astype(np.int16)
+    views = np.where(has_measured, 0, memory.views + blank).astype(np.int16)
     poses = memory.poses
     if first.any():
         poses = poses.copy()
         now = np.concatenate((X_WC.rotation().matrix().ravel(), X_WC.translation()))
         poses[first] = now.astype(np.float32)
-    blind = memory.blind & ~alive
+    blind = memory.blind & ~has_measured
     candidates = blank & ~blind & (views >= parameters.least_views)
     if candidates.any():
         regions, _, extents = _components(empty.astype(np.uint8))
@@ -229,7 +227,7 @@ def learn_blindness(
 
 
 def _any_in_cells(pixels: Mask, shape: tuple[int, ...]) -> Mask:
-    """Cells (rows, columns) in which any pixel is set."""
+    """Returns the mask of cells (rows, columns) in which any pixel is set."""
     rows, columns = shape
     padded = np.zeros((rows * _CELL, columns * _CELL), dtype=bool)
     padded[: pixels.shape[0], : pixels.shape[1]] = pixels
@@ -239,7 +237,7 @@ def _any_in_cells(pixels: Mask, shape: tuple[int, ...]) -> Mask:
 def _components(
     mask: npt.NDArray[np.uint8],
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """Connected regions: labels, boxes (n, 4: left, top, width, height), larger extents (n,)."""
+    """Returns labels, boxes (n, 4: left, top, width, height) and extents (n,) of regions."""
     _, labels, statistics, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     return labels, statistics[:, :4], statistics[:, 2:4].max(axis=1)
 
@@ -250,9 +248,9 @@ def _image_motion(
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
 ) -> npt.NDArray[np.float64]:
-    """Distance (N,) [pixels] of objects at cells (N, 2) of earlier views from there now.
+    """Returns the image motion (N,) [pixels] of objects at cells (N, 2) since earlier poses.
 
-    It is the least over the depths at which the thing may be; without end when it left the image.
+    It is the smallest over the possible depths of the object, infinite behind the camera.
     """
     pixels = cells[:, ::-1] * _CELL + 0.5 * _CELL
     focal = np.array([intrinsics.focal_x, intrinsics.focal_y])
@@ -275,20 +273,19 @@ def in_measured_shadow(
     baseline: float,
     parameters: HoleParameters = DEFAULT_HOLES,
 ) -> Mask:
-    """Tells which hidden places lie in the projector's shadow of something that was measured.
+    """Tells which hidden places lie in the projector's shadow of a measured surface.
 
-    From a place to the projector leads a line that shows in the image as part of the place's row:
-    at d pixels from it, the inverse depth is larger by d / (f b). Where a surface was measured at
-    that depth, it keeps the pattern away. On which side the projector is does not matter: both are
-    tried. How far the hidden surface is may not be known: the depth at which the row's blank run
-    ends is tried, too.
+    The line from a place to the projector appears in the image as part of the place's row: at d
+    pixels from it, the inverse depth is larger by d / (f b). A surface measured at that depth
+    blocks the pattern. The projector may be on either side: both are tried. As the depth of the
+    hidden surface may be unknown, the depth at which the row's blank run ends is tried, too.
 
     Args:
-        p_C: Hidden places (N, 3) in the camera frame [m], all seen by the camera.
-        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        p_C: Hidden places (N, 3) in the camera frame [m], all in the field of view.
+        depth: Depth image (height, width) [m], 0 for holes.
         intrinsics: The camera.
         baseline: Distance of projector and camera [m].
-        parameters: When a place lies in a shadow.
+        parameters: Tolerances of a shadow.
 
     Returns:
         (N,).
@@ -297,24 +294,24 @@ def in_measured_shadow(
     if len(p_C) == 0 or reach == 0.0:
         return np.zeros(len(p_C), dtype=bool)
     columns, rows = np.rint(intrinsics.project(p_C)).astype(np.int64).T
-    # Edges are lost more often than not.
+    # A minimum filter, as edge pixels often drop out.
     filled = np.where(depth > 0, depth, np.float32(np.inf))
     nearest = cv2.erode(filled, np.ones((3, 3), np.uint8))
     with np.errstate(divide="ignore"):
         inverse = 1.0 / nearest
     ends = _run_ends(depth, columns, rows)
-    # No surface that was measured is displaced by more.
+    # The displacement of a measurable surface is at most this.
     steps = np.arange(1, int(np.ceil(reach / intrinsics.near)) + 1)
     explained = np.zeros(len(p_C), dtype=bool)
     for z in (p_C[:, 2], ends):
         start = projector_displacement(z, intrinsics.focal_x, baseline)
-        wanted = (np.abs(start)[:, None] + steps) / reach
+        expected = (np.abs(start)[:, None] + steps) / reach
         for side in (1, -1):
             at = columns[:, None] + side * steps
             inside = (at >= 0) & (at < intrinsics.width)
             found = inverse[rows[:, None], np.clip(at, 0, intrinsics.width - 1)]
-            off = np.abs(found - wanted) * reach
-            with np.errstate(invalid="ignore"):  # Nothing measured is not nearer than no end.
+            off = np.abs(found - expected) * reach
+            with np.errstate(invalid="ignore"):  # 0 * inf: a hole in a run without an end.
                 nearer = found * (z[:, None] - parameters.shadow_step) > 1.0
             explained |= (inside & nearer & (off <= parameters.shadow_slack)).any(axis=1)
     return explained
@@ -323,7 +320,7 @@ def in_measured_shadow(
 def _run_ends(
     depth: Array, columns: npt.NDArray[np.int64], rows: npt.NDArray[np.int64]
 ) -> npt.NDArray[np.float64]:
-    """The farther depth (N,) at the two ends of the rows' blank runs at pixels [m]; inf if none."""
+    """Returns the larger depth (N,) at the ends of the rows' blank runs [m]; inf if none."""
     width = depth.shape[1]
     lines, line_of = np.unique(rows, return_inverse=True)
     some = depth[lines]
@@ -346,15 +343,15 @@ def learn_dropouts(
     X_WC: RigidTransform,
     parameters: HoleParameters = DEFAULT_HOLES,
 ) -> tuple[HoleMemory, Mask]:
-    """Takes in the closed holes of an image, and tells which are of the surface around them.
+    """Updates the memory with an image's closed holes, and tells which are dropouts.
 
     Args:
-        memory: What was known before.
-        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        memory: The previous memory.
+        depth: Depth image (height, width) [m], 0 for holes.
         blank: From `blank_pixels`.
         intrinsics: The camera.
         X_WC: Its pose.
-        parameters: Which holes are of the surface.
+        parameters: Parameters of dropouts.
 
     Returns:
         The memory, and the pixels (height, width) of holes that are explained.
@@ -370,7 +367,7 @@ def learn_dropouts(
         closed, p_C = _closed_hole(depth, labels == label, boxes[label], intrinsics, parameters)
         if not closed:
             continue
-        # The blank pixels are fewer than the hole's by the square's edge.
+        # A region of blank pixels is narrower than its hole.
         if extents[label] + _HOLE_EDGE <= largest:
             explained[labels == label] = True
             continue
@@ -383,7 +380,7 @@ def learn_dropouts(
             known = np.isfinite(distance)
             old = np.asarray(index)[known]
             z = p_C[known, 2]
-            # What a thing at the near limit hides moves on the surface by this.
+            # Shift on the surface of the occlusion by an object at the near limit.
             moved = np.linalg.norm(p_WC - memory.seen_from[old], axis=1)
             moved = moved * (z / intrinsics.near - 1.0)
             wide = (extents[label] + _HOLE_EDGE) / intrinsics.focal_x * z + parameters.same_place
@@ -411,18 +408,18 @@ def _closed_hole(
     intrinsics: CameraIntrinsics,
     parameters: HoleParameters,
 ) -> tuple[bool, npt.NDArray[np.float64] | None]:
-    """Looks at what is around a region of blank pixels.
+    """Examines the surroundings of a region of blank pixels.
 
     Args:
-        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        depth: Depth image (height, width) [m], 0 for holes.
         blank: The region (height, width).
         box: Left, top, width and height of its box.
         intrinsics: The camera.
-        parameters: When it is closed, and its ring flat.
+        parameters: Conditions for a closed hole and a planar ring.
 
     Returns:
-        Whether it is closed, and if all around it is in one plane, places (M, 3) in that plane
-        behind the hole in the camera frame [m], else None.
+        Whether the hole is closed, and if its ring is planar, points (M, 3) on that plane inside
+        the hole in the camera frame [m], else None.
     """
     grown = _HOLE_EDGE // 2 + _RING
     left, top, right, bottom = box[0], box[1], box[0] + box[2], box[1] + box[3]
@@ -435,13 +432,13 @@ def _closed_hole(
     hole = cv2.dilate(region, np.ones((_HOLE_EDGE + 1,) * 2, np.uint8))
     ring = cv2.dilate(hole, np.ones((2 * _RING + 1,) * 2, np.uint8)) > hole
     around = depth[rows, columns]
-    told = ring & (around > 0)
-    if np.count_nonzero(told) < parameters.closed * np.count_nonzero(ring):
+    counted = ring & (around > 0)
+    if np.count_nonzero(counted) < parameters.closed * np.count_nonzero(ring):
         return False, None
-    # Inverse depth is linear in the pixel's place on a plane.
-    v, u = np.nonzero(told)
+    # On a plane, inverse depth is linear in the pixel's coordinates.
+    v, u = np.nonzero(counted)
     terms = np.column_stack([u, v, np.ones(len(u))])
-    inverse = 1.0 / around[told].astype(float)
+    inverse = 1.0 / around[counted].astype(float)
     plane = np.linalg.lstsq(terms, inverse, rcond=None)[0]
     flat = np.abs(terms @ plane - inverse) <= parameters.flatness * inverse
     if np.mean(flat) < parameters.closed:
@@ -465,7 +462,7 @@ def _measured_again(
     X_WC: RigidTransform,
     same_place: float,
 ) -> HoleMemory:
-    """Forgets the places at which an image measures a surface, within `same_place` [m]."""
+    """Removes the dropouts at which an image measures a surface, within `same_place` [m]."""
     p_C = (memory.places - X_WC.translation()) @ X_WC.rotation().matrix()
     ahead = np.flatnonzero((p_C[:, 2] > intrinsics.near) & intrinsics.sees(p_C))
     if not len(ahead):

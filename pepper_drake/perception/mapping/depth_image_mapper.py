@@ -1,4 +1,4 @@
-"""A depth image taken into the memory of obstacles, or passed over if it is no image."""
+"""Updates the memory of obstacles with a depth image, or skips an invalid one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,20 +28,20 @@ from pepper_drake.perception.mapping.obstacle_memory import ObstacleMemory
 from pepper_drake.perception.mapping.solids import ExcludedSolids, RobotSolids, Solid
 
 _POSES = 5
-"""Poses of the goal object between two in which it was seen."""
+"""Number of interpolated poses of the goal object between two sightings."""
 
 
 @dataclass(frozen=True)
 class DepthImage:
-    """A depth image with all that belongs to its moment.
+    """A depth image with the state at its capture time.
 
     Attributes:
         pixels: (height, width) depth [mm], uint16.
-        stamp: When it was taken [s].
+        stamp: Capture time [s].
         X_WC: The camera's pose.
         X_WO: The goal object's pose; None while it is not seen.
         object_speed: The goal object's speed [m/s].
-        position: The robot's joints; None if they are not known.
+        position: The robot's joints; None if unknown.
         drives: True while the robot drives.
     """
 
@@ -56,13 +56,13 @@ class DepthImage:
 
 @dataclass(frozen=True)
 class DepthImageMapper:
-    """Takes depth images into a memory of obstacles.
+    """Updates a memory of obstacles with depth images.
 
     Attributes:
         intrinsics: The depth camera.
-        parameters: How obstacles are seen and remembered.
-        robot: The robot's collision shapes, which are cut out; None cuts nothing out.
-        object_solids: Shapes of the goal object, which are cut out.
+        parameters: Detection and memory of obstacles.
+        robot: The robot's collision shapes, which are removed; None removes nothing.
+        object_solids: Shapes of the goal object, which are removed.
     """
 
     intrinsics: CameraIntrinsics
@@ -71,7 +71,7 @@ class DepthImageMapper:
     object_solids: Sequence[Solid] = ()
 
     def with_image(self, memory: ObstacleMemory, image: DepthImage) -> ObstacleMemory:
-        """Returns the memory after an image; if it is no image, only its fault is new."""
+        """Returns the memory after an image; after an invalid one, only the fault is new."""
         fault = image_fault(
             image.pixels,
             memory.image,
@@ -114,7 +114,7 @@ class DepthImageMapper:
         if image.drives:
             tracker = reset_while_driving(memory.tracker, view, self.parameters)
         else:
-            # The goal object stands on the table.
+            # The goal object stands on the table: its height is the table's.
             table = -np.inf if X_WO is None else float(X_WO.translation()[2])
             occluding = [*excluded, *self._support(X_WO)]
             tracker, voxels = update_tracker(
@@ -135,7 +135,7 @@ class DepthImageMapper:
     def _without_object(
         self, memory: ObstacleMemory, X_WO: RigidTransform | None
     ) -> DynamicObstacleTracker:
-        """Moving things without the goal object if it is known by now to have moved itself."""
+        """Returns the tracker without the goal object if that has moved."""
         before, solids = memory.X_WO, self.object_solids
         if before is None or X_WO is None or not solids:
             return memory.tracker
@@ -149,7 +149,7 @@ class DepthImageMapper:
         return without_object(memory.tracker, solids, poses, self.parameters)
 
     def _excluded(self, image: DepthImage, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
-        """The robot and the goal object, where they are in the image."""
+        """Returns the robot and the goal object at the image's capture time."""
         excluded = []
         cloud = self.parameters.cloud
         if self.robot is not None and image.position is not None:
@@ -166,7 +166,7 @@ class DepthImageMapper:
         return excluded
 
     def _support(self, X_WO: RigidTransform | None) -> list[ExcludedSolids]:
-        """The support of the goal object: too near to be measured, it leaves a hole of its own."""
+        """Returns the goal object's support, which leaves a hole if too near to be measured."""
         if X_WO is None or not self.object_solids:
             return []
         near_field = self.parameters.near_field
@@ -177,7 +177,7 @@ class DepthImageMapper:
 
 
 def has_moved(X_WF: RigidTransform, X_WG: RigidTransform, parameters: ValidityParameters) -> bool:
-    """True if two poses of one frame differ by more than the noise of measured joints."""
+    """Tells whether two poses of a frame differ by more than the noise of measured joints."""
     moved = X_WF.InvertAndCompose(X_WG)
     distance = float(np.linalg.norm(moved.translation()))
     angle = abs(moved.rotation().ToAngleAxis().angle())

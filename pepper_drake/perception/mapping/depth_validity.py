@@ -1,6 +1,6 @@
-"""Which depth images count: one that shows nothing, or the wrong thing, is no image.
+"""Validity of depth images.
 
-A camera that gives nothing must not pass for free space, nor one that hangs for a scene at rest.
+A failed camera must not be mistaken for free space, nor a frozen one for a scene at rest.
 """
 
 import enum
@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float32]
 
 
 class DepthFault(enum.IntEnum):
-    """Why a depth image is no image."""
+    """Reason why a depth image is invalid."""
 
     NONE = 0
     MISSING = 1
@@ -26,17 +26,17 @@ class DepthFault(enum.IntEnum):
     LATE = 2
     """Its time stamp is not a number, in the future, or not after the last one's."""
     FROZEN = 3
-    """Its pixels are those of the last one, bit for bit."""
+    """Its pixels are identical to the last one's."""
     WRONG_SIZE = 4
     """It has another size than the camera."""
     BLANK = 5
-    """It shows nothing where floor or known things are to be seen."""
+    """It shows nothing where floor or known objects are expected."""
     CONSTANT = 6
-    """All pixels measured the same."""
+    """All pixels have the same depth."""
     BELOW_FLOOR = 7
     """Much of it lies below the floor."""
     CONTRADICTS_MAP = 8
-    """Much of what is known of the scene is not where it shows it."""
+    """It contradicts much of the known scene."""
 
 
 FAULT_SENTENCES = {
@@ -52,33 +52,31 @@ FAULT_SENTENCES = {
 }
 
 _NOTHING = (0, 2047, 65535, np.inf)
-"""Values by which cameras and drivers say that they measured nothing."""
+"""Values by which cameras and drivers mark holes."""
 _FLOOR_STRIDE = 8
-"""One of so many pixels along both axes is looked at for the floor."""
+"""Stride of the pixels checked for the floor."""
 
 
 @dataclass(unsafe_hash=True)
 class ValidityParameters:
-    """When a depth image contradicts what is known.
+    """Parameters of checking depth images.
 
     Attributes:
-        margin: Depths that differ by less agree [m], ...
-        growth: ... and by so much more for each metre of depth.
-        contradicted: Share of the points that are held against the image from which on it
-            contradicts.
-        least_points: With fewer points nothing can be told.
-        least_expected: With fewer points to be seen, of known things and of the floor, an image may
-            be blank.
-        expects_noise: Whether equal pixels mean that the camera hangs: real sensors are noisy. If
+        margin: Largest difference of consistent depths [m], ...
+        growth: ... and its growth per metre of depth.
+        contradicted: Fraction of contradicted points at which the image contradicts the map.
+        least_points: Smallest number of points for that decision.
+        least_expected: Smallest number of expected points, of known objects and floor, for an image
+            to count as blank.
+        expects_noise: Whether identical images mean a frozen camera, as real sensors are noisy. If
             not, they do only after the camera has moved.
-        shows_all: Whether the image has a depth wherever there is a surface. If not, as with a
-            stereo pair whose images are cut into things, it may be blank.
-        floor_depth: Depth up to which the floor is measured in any case [m].
-        least_shown: Share of what is to be seen below which an image is blank.
-        same_share: Spread of the relative errors of depth below which they are those of one wrong
-            scale.
-        moved: Distance by which a frame has moved [m]: more than the noise of measured joints, ...
-        turned: ... or angle by which it has turned [rad].
+        shows_all: Whether every visible surface is measured. If not, as with a stereo pair whose
+            images are segmented, an image may be blank.
+        floor_depth: Depth up to which the floor is always measured [m].
+        least_shown: Fraction of the expected points below which an image is blank.
+        same_share: Spread of the relative depth errors below which they are due to a wrong scale.
+        moved: Displacement at which a frame has moved [m], above the noise of measured joints, ...
+        turned: ... or rotation at which it has [rad].
     """
 
     __signature__ = short_signature
@@ -105,16 +103,16 @@ def image_fault(
     moved: bool,
     parameters: ValidityParameters,
 ) -> DepthFault:
-    """Checks a raw depth image by itself, and against the one before.
+    """Checks a raw depth image by itself, and against the previous one.
 
-    One that shows nothing at all is left to `depth_fault`: before an empty hall it is right.
+    A blank image is left to `depth_fault`, as it may be correct in an empty hall.
 
     Args:
-        image: Depth image (height, width[, 1]) of any integer or floating type.
-        last: The image before it; None if there was none.
-        intrinsics: The camera; its near and far are those of `depth`.
+        image: Depth image (height, width[, 1]) of any integer or floating-point type.
+        last: The previous image; None if there is none.
+        intrinsics: The camera.
         moved: Whether the camera has moved in between.
-        parameters: See there.
+        parameters: Parameters of the check.
 
     Returns:
         MISSING, WRONG_SIZE, FROZEN, CONSTANT or NONE.
@@ -126,15 +124,15 @@ def image_fault(
     if image.shape != (intrinsics.height, intrinsics.width):
         return DepthFault.WRONG_SIZE
     first = image[0, 0]
-    # NaN equals nothing.
+    # NaN is not equal to itself.
     if bool((image == first).all()) or not bool((image == image).any()):
-        # Whether it should show something is told by `depth_fault`.
+        # `depth_fault` decides whether it should show something.
         empty = first != first or first in _NOTHING
         return DepthFault.NONE if empty else DepthFault.CONSTANT
     if last is not None and (moved or parameters.expects_noise):
         if last.ndim == 3 and last.shape[2] == 1:
             last = last[..., 0]
-        # NaN is not a number, but the same bits.
+        # NaN pixels count as identical.
         if last.dtype == image.dtype and last.shape == image.shape:
             floating = image.dtype.kind == "f"
             if bool(np.array_equal(image, last, equal_nan=floating)):
@@ -149,14 +147,14 @@ def depth_fault(
     intrinsics: CameraIntrinsics,
     parameters: ValidityParameters,
 ) -> DepthFault:
-    """Checks a depth image against the floor and against what was seen before.
+    """Checks a depth image against the floor and against earlier images.
 
     Args:
-        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        depth: Depth image (height, width) [m], 0 for holes.
         X_WC: The camera's pose; z = 0 in W is the floor.
         known: Points (P, 3) on surfaces that were seen often, in W [m], without the robot.
         intrinsics: The camera.
-        parameters: See there.
+        parameters: Parameters of the check.
 
     Returns:
         BLANK, BELOW_FLOOR, CONTRADICTS_MAP or NONE.
@@ -168,21 +166,21 @@ def depth_fault(
     p_C, rows, columns = _in_view(known, X_WC, intrinsics)
     if len(p_C) < parameters.least_points:
         return DepthFault.NONE
-    # A surface that is where it was shows its depth at one of nine pixels at least.
+    # An unchanged surface shows its depth in at least one of nine pixels.
     off = np.full(len(p_C), np.inf)
     for down in (-2, 0, 2):
         for right in (-2, 0, 2):
             z = depth[rows + down, columns + right]
             other = np.where(z > 0.0, z - p_C[:, 2], np.inf)
             off = np.where(np.abs(other) < np.abs(off), other, off)
-    told = np.isfinite(off)
-    if np.count_nonzero(told) < parameters.least_points:
+    measured_points = np.isfinite(off)
+    if np.count_nonzero(measured_points) < parameters.least_points:
         return DepthFault.NONE
-    off, z = off[told], p_C[told, 2]
+    off, z = off[measured_points], p_C[measured_points, 2]
     allowed = parameters.margin + parameters.growth * z
     if np.mean(off > allowed) > parameters.contradicted:
         return DepthFault.CONTRADICTS_MAP
-    # Nearer points may be a new obstacle, unless all are nearer by the same share.
+    # Nearer points may be a new obstacle, unless all are nearer by the same factor.
     low, high = np.quantile(off / z, [0.2, 0.8])
     if np.mean(-off > allowed) > parameters.contradicted and high - low < parameters.same_share:
         return DepthFault.CONTRADICTS_MAP
@@ -192,7 +190,7 @@ def depth_fault(
 def _in_view(
     p_W: npt.NDArray[np.floating], X_WC: RigidTransform, intrinsics: CameraIntrinsics
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Points (N, 3) in C [m] that can be measured, not at the border, their rows and columns."""
+    """Returns the measurable points (N, 3) in C [m], off the border, with rows and columns."""
     p_C = (np.asarray(p_W, dtype=float) - X_WC.translation()) @ X_WC.rotation().matrix()
     p_C = p_C[(p_C[:, 2] > intrinsics.near) & (p_C[:, 2] < intrinsics.far)]
     p_C = p_C[intrinsics.sees(p_C, margin=2.0)]
@@ -207,7 +205,7 @@ def _is_blank(
     intrinsics: CameraIntrinsics,
     parameters: ValidityParameters,
 ) -> bool:
-    """True if next to nothing was measured where known objects and the floor should be visible."""
+    """Tells whether almost nothing was measured where known objects and floor are expected."""
     rays = pixel_rays(intrinsics, _FLOOR_STRIDE).reshape(-1, 3).astype(float)
     down = rays @ X_WC.rotation().matrix()[2]
     p_WC = X_WC.translation()
@@ -231,20 +229,20 @@ def lies_below_floor(
     intrinsics: CameraIntrinsics,
     parameters: ValidityParameters,
 ) -> bool:
-    """Tells whether much of a depth image lies below the floor, as with depths of another unit.
+    """Tells whether much of a depth image lies below the floor, as with a wrong unit.
 
     Args:
-        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        depth: Depth image (height, width) [m], 0 for holes.
         X_WC: The camera's pose; z = 0 in W is the floor.
         intrinsics: The camera.
-        parameters: Margins and share.
+        parameters: Margins and fraction.
     """
     stride = 6
     z = depth[stride // 2 :: stride, stride // 2 :: stride]
     slope = pixel_rays(intrinsics, stride) @ X_WC.rotation().matrix()[2].astype(np.float32)
-    told = z > 0.0
-    if np.count_nonzero(told) * stride**2 < parameters.least_points:
+    measured_points = z > 0.0
+    if np.count_nonzero(measured_points) * stride**2 < parameters.least_points:
         return False
-    height = float(X_WC.translation()[2]) + slope[told] * z[told]
-    allowed = parameters.margin + parameters.growth * z[told]
+    height = float(X_WC.translation()[2]) + slope[measured_points] * z[measured_points]
+    allowed = parameters.margin + parameters.growth * z[measured_points]
     return bool(np.mean(height < -allowed) > parameters.contradicted)

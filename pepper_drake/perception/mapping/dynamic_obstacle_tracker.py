@@ -1,4 +1,4 @@
-"""Tracker of moving obstacles: one step for each depth image and the map made of it."""
+"""Tracker of moving obstacles, updated with each depth image and the map."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ Points = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class DynamicObstacleTracker:
-    """State of the tracker of moving obstacles. Never changed once made.
+    """Immutable state of the tracker of moving obstacles.
 
     Attributes:
-        views: Recent images that each show something else, the last image last.
-        keys: Of the map's voxels, after the last image.
-        seen: The map's voxels that the last image showed: their keys and places (S, 3), in W [m].
-        behind: (B, 3) background points: what would be seen if nothing hid it, in W [m].
+        views: Recent images from different views, the last image last.
+        keys: Keys of the map's voxels after the last image.
+        seen: The map's voxels hit by the last image: their keys and positions (S, 3), in W [m].
+        behind: (B, 3) background points, visible unless occluded, in W [m].
         things: Tracked obstacles.
         transient_keys: Keys of the map's voxels that appeared in free space.
-        hidden: (H, 3) recent positions of something too near to be measured, in W [m], and their
+        hidden: (H, 3) recent positions of obstacles too near to be measured, in W [m], and their
             times (H,) [s].
         expected: (Q, 3) predicted positions of moving obstacles, in W [m].
         holes: Memory of holes in earlier images.
@@ -77,12 +77,12 @@ def update_tracker(
     """Returns the tracker and the map after one depth image.
 
     Args:
-        tracker: Before the image.
-        voxels: The map of obstacles, with the image taken in.
+        tracker: The previous state.
+        voxels: The map of obstacles, updated with the image.
         view: The image.
-        ignored: What is no obstacle, where it was at that time.
-        parameters: How obstacles are seen and remembered.
-        table: Height of what things stand on, in W [m].
+        ignored: Solids that are no obstacles, at the image's capture time.
+        parameters: Detection and memory of obstacles.
+        table: Height of the table on which objects stand, in W [m].
 
     Returns:
         The tracker, and the map without transient voxels that were not seen for long.
@@ -100,7 +100,7 @@ def update_tracker(
         behind = background_points(
             behind, view.depth, view.intrinsics, view.X_WC, parameters.near_field
         )
-        # A new obstacle does not explain a hole beside it, which may be more of the obstacle.
+        # A new obstacle does not explain a hole beside it, which may be another part of it.
         known = voxels.positions[~is_transient]
         holes, unexplained = unexplained_holes(
             holes,
@@ -131,14 +131,14 @@ def update_tracker(
         near = near_points[last.sees_free_space(near_points, memory)]
         normals = voxels.normals[is_seen][new]
         lengths = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-        come = NewPoints(
+        appeared = NewPoints(
             np.concatenate((places[new], near)),
             np.concatenate((normals / lengths, np.zeros_like(near))),
             tracker.seen[1][~np.isin(tracker.seen[0], keys, assume_unique=True)],
             last.time,
         )
         above = places[places[:, 2] > table + parameters.near_field.on_table]
-        things = associate(things, come, view, memory, approach, above)
+        things = associate(things, appeared, view, memory, approach, above)
     voxels = _without_departed(voxels, is_transient, view.time, approach)
     hidden, times = tracker.hidden
     still = (view.time - times < parameters.near_field.kept) & ~view.sees_free_space(hidden, memory)
@@ -164,16 +164,16 @@ def without_object(
     poses: Sequence[RigidTransform],
     parameters: ObstacleParameters,
 ) -> DynamicObstacleTracker:
-    """Tracker state without the goal object, which moved before it was known where to.
+    """Returns the tracker state without the goal object, after it has moved.
 
     Until its marker is seen again, an object that is lifted or carried looks like a new obstacle.
-    A cluster with most of its points where the object was since is the object.
+    A cluster with most of its points at the object's poses since then is the object.
 
     Args:
-        tracker: Before the image.
+        tracker: The previous state.
         solids: The object's shapes.
-        poses: Poses X_WO of the object, from the last one known to the one of now.
-        parameters: Margin of the object, and the share of points that makes a thing the object.
+        poses: Poses X_WO of the object, from the last known to the present one.
+        parameters: Margin of the object, and the fraction of a cluster's points on it.
     """
 
     def is_object(points: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
@@ -196,12 +196,12 @@ def reset_while_driving(
     view: DepthFrame,
     parameters: ObstacleParameters,
 ) -> DynamicObstacleTracker:
-    """Tracker state after an image that was taken while driving, when everything seems to move.
+    """Returns the tracker state after an image taken while driving, when everything seems to move.
 
     Args:
-        tracker: Before the image.
+        tracker: The previous state.
         view: The image.
-        parameters: How obstacles are seen and remembered.
+        parameters: Detection and memory of obstacles.
 
     Returns:
         A new tracker that keeps the background and the sensor's own holes.
@@ -229,7 +229,7 @@ def _without_departed(
     time: float,
     parameters: ApproachParameters,
 ) -> VoxelMap:
-    """The map without transient obstacles of which no part was seen for long."""
+    """Returns the map without transient obstacles of which no part was seen for long."""
     transient = np.flatnonzero(is_transient)
     seen = voxels.hit_times[transient]
     if not np.any(time - seen > parameters.transient_timeout):
@@ -243,10 +243,10 @@ def _without_departed(
 def _kept(
     views: Sequence[DepthFrame], view: DepthFrame, parameters: ObstacleParameters
 ) -> list[DepthFrame]:
-    """The views that a new one is added to.
+    """Returns the views to keep when a new one is added.
 
-    None is too old, and of those that show the same one from before a slow obstacle entered is
-    kept, and those after it.
+    Old views are dropped. Of similar views only the newest that is older than the comparison
+    interval is kept, to detect slow obstacles, and all after it.
     """
     memory, approach = parameters.memory, parameters.approach
     earlier = [one for one in views if view.time - one.time >= approach.comparison_interval]
@@ -262,7 +262,7 @@ def _kept(
 def _was_empty(
     views: Sequence[DepthFrame], places: npt.NDArray[np.float32], memory: VoxelMapParameters
 ) -> npt.NDArray[np.bool_]:
-    """Which places (N, 3) were looked through: in the last image, or surely in one before."""
+    """Tells which places (N, 3) were free in the last image, or surely free in an earlier one."""
     empty = np.zeros(len(places), dtype=bool)
     for view in reversed(views):
         left = np.flatnonzero(~empty)

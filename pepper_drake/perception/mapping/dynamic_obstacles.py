@@ -1,9 +1,9 @@
-"""Moving obstacles: points that appear in free space, their velocity, their prediction.
+"""Moving obstacles: points that appear in free space, their velocity and prediction.
 
-A cloud is old when it is acted upon: by the network, the period between images and the time that
-an arm needs to brake. An obstacle at 0.3 m/s is by then a decimetre farther on. So points that an
-image shows in space that an earlier one saw free are clustered, tracked from image to image, and
-predicted along their velocity. Near the robot a depth camera is blind: an obstacle that leaves the
+A cloud is out of date when the robot reacts to it: by network latency, image period and the arm's
+braking time. An obstacle at 0.3 m/s has by then moved by a decimetre. So points that an image shows
+in space that an earlier one saw free are clustered, tracked from image to image, and predicted
+along their velocity. Near the robot a depth camera is blind: an obstacle that leaves the field of
 view there is kept for a while.
 """
 
@@ -30,9 +30,9 @@ Points = npt.NDArray[np.floating]
 
 _NOWHERE: Points = np.zeros((0, 3), np.float32)
 _WIDE = 9
-"""Edge of the square of pixels that have to look through a place surely."""
+"""Edge of the square of pixels that must all see through a surely free place [pixels]."""
 _REGISTRATIONS = 4
-"""Steps in which a surface is registered with what it was."""
+"""Iterations of the registration of a surface with the previous one."""
 
 
 @dataclass(unsafe_hash=True)
@@ -40,28 +40,27 @@ class ApproachParameters:
     """Parameters of tracking moving obstacles.
 
     Attributes:
-        spacing: Of the points that are kept of an obstacle [m].
-        gap: Points of one obstacle have neighbours nearer than this [m].
-        least_points: Clusters of fewer points are noise.
-        least_rest: Fewer points of an obstacle's rest do not tell its direction.
+        spacing: Spacing of the points kept of an obstacle [m].
+        gap: Largest distance of neighbouring points of one obstacle [m].
+        least_points: Clusters with fewer points are noise.
+        least_rest: Smallest number of points of the rest of an obstacle to guess its direction.
         fastest: Largest speed of an obstacle [m/s].
-        horizon: Time from the image to which motion is predicted [s]: the age at which the image is
-            acted upon, the period, and the time in which an arm brakes.
-        slowest: Speed below which an obstacle counts as standing, for the measurement's noise
-            [m/s].
-        usual_speed: A moving obstacle is predicted at no less than this [m/s].
+        horizon: Horizon of the prediction from the image's capture [s]: latency, image period and
+            the arm's braking time.
+        slowest: Speed below which an obstacle counts as at rest, given the measurement noise [m/s].
+        usual_speed: Smallest speed at which a moving obstacle is predicted [m/s].
         extrapolated: Longest time for which the motion of an unseen obstacle is extrapolated [s].
         memory: Time after its last sighting until an obstacle is dropped [s].
         transient_timeout: Time after the last sighting of any part of an obstacle until its voxels,
             which appeared in free space, are dropped [s].
-        contradicted: An obstacle is dropped if an image sees this share of its points as free.
-        registered_within: Largest median distance of two surfaces that are the same [m].
+        contradicted: Fraction of an obstacle's points seen as free at which it is dropped.
+        registered_within: Largest median distance of two registered surfaces [m].
         regularization: Weight of zero motion against that of one point, where the shape of a
             surface does not determine the motion.
         comparison_interval: Time between compared images in which slow motion exceeds the noise
             [s].
-        most_views: Number of earlier images that a new one is compared with, besides the last.
-        object_share: A cluster with this share of its points at the goal object is the object.
+        most_views: Number of earlier images compared with a new one, besides the last.
+        object_share: Fraction of a cluster's points at the goal object for it to be the object.
     """
 
     spacing: float = 0.025
@@ -85,12 +84,12 @@ class ApproachParameters:
 
 @dataclass(frozen=True, eq=False)
 class TrackedObstacle:
-    """The front of something that moves.
+    """The leading surface of a moving obstacle.
 
     Attributes:
-        points: (N, 3) where it came between two images, in W [m].
-        velocity: (3,) m/s; zero until it is known.
-        seen: When it was seen last [s].
+        points: (N, 3) points that appeared between two images, in W [m].
+        velocity: (3,) [m/s]; zero until known.
+        seen: Time of the last sighting [s].
     """
 
     points: Points
@@ -98,18 +97,18 @@ class TrackedObstacle:
     seen: float
 
     def moved(self, duration: float) -> Points:
-        """Points (N, 3) [m] a duration [s] later, at the same velocity."""
+        """Returns the points (N, 3) [m] a duration [s] later, at the same velocity."""
         return self.points + (duration * self.velocity).astype(self.points.dtype)
 
 
 @dataclass(frozen=True, eq=False)
 class DepthFrame:
-    """A depth image with where it was taken.
+    """A depth image with its camera pose.
 
     Attributes:
-        depth: (height, width), m, 0 where nothing was measured.
+        depth: (height, width) [m], 0 for holes.
         X_WC: The camera's pose.
-        time: s.
+        time: Capture time [s].
         intrinsics: The camera.
     """
 
@@ -129,15 +128,15 @@ class DepthFrame:
     def sees_free_space(
         self, p_W: Points, memory: VoxelMapParameters, *, surely: bool = False
     ) -> npt.NDArray[np.bool_]:
-        """Which places (N, 3) it looks through; surely, if also all around them."""
+        """Tells which places (N, 3) it sees as free; surely free, if also all around them."""
         clear = self._wide_clear if surely else self._clear
         return is_free_space(p_W, clear, self.intrinsics, self.X_WC, memory)
 
     def is_like(self, other: "DepthFrame", memory: VoxelMapParameters) -> bool:
-        """True if both views show almost the same, by the parameters of a memory of them."""
-        off = self.X_WC.InvertAndCompose(other.X_WC)
-        turned = abs(off.rotation().ToAngleAxis().angle())
-        moved = float(np.linalg.norm(off.translation()))
+        """Tells whether both views show almost the same."""
+        relative = self.X_WC.InvertAndCompose(other.X_WC)
+        turned = abs(relative.rotation().ToAngleAxis().angle())
+        moved = float(np.linalg.norm(relative.translation()))
         return turned < memory.alike_angle and moved < memory.alike_distance
 
 
@@ -146,10 +145,10 @@ class NewPoints:
     """New points of an image in space that earlier images saw free, and the earlier surface.
 
     Attributes:
-        points: (P, 3) that appeared, in W [m].
-        normals: (P, 3) of its surface, of unit length; zero where unknown.
-        left: (L, 3) of the image before that are not in this one [m].
-        since: When that image was taken [s].
+        points: (P, 3) points that appeared, in W [m].
+        normals: (P, 3) their unit normals; zero where unknown.
+        left: (L, 3) points of the previous image that are not in this one [m].
+        since: Capture time of that image [s].
     """
 
     points: Points
@@ -158,7 +157,7 @@ class NewPoints:
     since: float
 
     def part(self, chosen: npt.NDArray[np.int64]) -> "NewPoints":
-        """Some of the points."""
+        """Returns some of the points."""
         return NewPoints(self.points[chosen], self.normals[chosen], self.left, self.since)
 
 
@@ -170,44 +169,44 @@ def associate(
     parameters: ApproachParameters,
     seen: Points = _NOWHERE,
 ) -> tuple[TrackedObstacle, ...]:
-    """Takes one image into what is known of things that move.
+    """Associates the new points of one image with tracked obstacles.
 
     Args:
-        things: What was known before.
-        come: What the image shows where the one before it looked through.
+        things: The obstacles tracked so far.
+        come: The image's points in space that the previous image saw free.
         now: The image.
-        memory: Margins at which an image counts as looking through a place.
-        parameters: How things are followed.
-        seen: (S, 3) all that the image shows of things, in W [m].
+        memory: Margins of free space.
+        parameters: Parameters of tracking.
+        seen: (S, 3) all points of objects in the image, in W [m].
 
     Returns:
         The tracked obstacles after the image.
     """
     bodies = [seen[chosen] for chosen in _clusters(seen, parameters)] if len(come.points) else []
     thin = _thinned(come.points, 0.5 * parameters.spacing)
-    left = list(things)
+    unmatched = list(things)
     known = []
     for chosen in _clusters(come.points[thin], parameters):
         part = come.part(thin[chosen])
         front = part.points
         velocity = estimate_velocity(part, now.time, parameters)
-        k = _same(front, left, now.time, parameters)
+        k = _match(front, unmatched, now.time, parameters)
         if k is not None:
-            thing = left.pop(k)
+            obstacle = unmatched.pop(k)
             if velocity is None:
-                step = front.mean(axis=0) - thing.points.mean(axis=0)
-                velocity = step.astype(float) / (now.time - thing.seen)
-            if thing.velocity.any():
-                share = len(front) / (len(front) + len(thing.points))
-                velocity = share * velocity + (1.0 - share) * thing.velocity
+                step = front.mean(axis=0) - obstacle.points.mean(axis=0)
+                velocity = step.astype(float) / (now.time - obstacle.seen)
+            if obstacle.velocity.any():
+                weight = len(front) / (len(front) + len(obstacle.points))
+                velocity = weight * velocity + (1.0 - weight) * obstacle.velocity
         if velocity is None:
             velocity = _guess_velocity(front, bodies, parameters)
         known.append(TrackedObstacle(front, velocity, now.time))
-    for thing in left:
-        empty = now.sees_free_space(thing.points, memory)
-        lost = now.time - thing.seen
-        if lost <= parameters.memory and empty.mean() < parameters.contradicted:
-            known.append(thing)
+    for obstacle in unmatched:
+        empty = now.sees_free_space(obstacle.points, memory)
+        unseen_for = now.time - obstacle.seen
+        if unseen_for <= parameters.memory and empty.mean() < parameters.contradicted:
+            known.append(obstacle)
     return tuple(known)
 
 
@@ -218,52 +217,51 @@ def predict_occupancy(
     memory: VoxelMapParameters,
     parameters: ApproachParameters,
 ) -> npt.NDArray[np.float64]:
-    """Points (Q, 3) at which moving obstacles may be soon, in W [m].
+    """Predicts the points (Q, 3) at which moving obstacles may soon be, in W [m].
 
-    Obstacles in the last image may enter space that it sees free; those that were lost from sight
-    before are not there.
+    Obstacles in the last image may enter space that it sees free; those lost from view before are
+    not there.
 
     Args:
         things: Tracked obstacles.
-        near: (P, 3) where something too near to be measured may be now [m].
+        near: (P, 3) possible positions of obstacles too near to be measured [m].
         now: The last image.
-        memory: Margins at which an image counts as looking through a place.
+        memory: Margins of free space.
         parameters: Horizon and speeds of the prediction.
     """
-    ways: list[Points] = [near]
-    for thing in things:
-        lost = now.time - thing.seen
-        speed = float(np.linalg.norm(thing.velocity))
-        # A motion that begins may become faster.
-        haste = max(parameters.usual_speed / speed, 1.0) if speed > parameters.slowest else 1.0
-        end = haste * (min(lost, parameters.extrapolated) + parameters.horizon)
+    predictions: list[Points] = [near]
+    for obstacle in things:
+        unseen_for = now.time - obstacle.seen
+        speed = float(np.linalg.norm(obstacle.velocity))
+        # A motion that has just begun may become faster.
+        speedup = max(parameters.usual_speed / speed, 1.0) if speed > parameters.slowest else 1.0
+        end = speedup * (min(unseen_for, parameters.extrapolated) + parameters.horizon)
         steps = np.linspace(0.0, end, int(np.ceil(speed * end / parameters.spacing)) + 1)
-        way = np.concatenate([thing.moved(step) for step in steps])
-        way = way[_thinned(way, parameters.spacing)]
-        if lost > 0.0:
-            way = way[~now.sees_free_space(way, memory)]
-        ways.append(way)
-    soon = np.concatenate(ways)
+        swept = np.concatenate([obstacle.moved(step) for step in steps])
+        swept = swept[_thinned(swept, parameters.spacing)]
+        if unseen_for > 0.0:
+            swept = swept[~now.sees_free_space(swept, memory)]
+        predictions.append(swept)
+    soon = np.concatenate(predictions)
     return soon[_thinned(soon, parameters.spacing)].astype(float)
 
 
 def estimate_velocity(
     front: NewPoints, time: float, parameters: ApproachParameters
 ) -> npt.NDArray[np.float64] | None:
-    """Velocity of a surface between two images, by point-to-plane registration.
+    """Estimates the velocity of a surface between two images by point-to-plane registration.
 
-    The step between is that of least distance from the new points to planes at the nearest
-    points that were left (point-to-plane registration, Chen and Medioni 1992,
-    doi:10.1016/0262-8856(92)90066-C, without rotation): what slides along itself, as an arm does
-    that is stretched out, shows its motion at its end alone.
+    The translation minimizes the distance from the new points to planes at the nearest points that
+    were left (Chen and Medioni 1992, doi:10.1016/0262-8856(92)90066-C, without rotation): a surface
+    that slides along itself, such as an arm being stretched out, shows its motion only at its end.
 
     Args:
         front: New points of one obstacle.
-        time: Of the image [s].
+        time: Capture time of the image [s].
         parameters: The largest speed.
 
     Returns:
-        (3,) m/s; None if the earlier surface was not seen, or does not fit.
+        (3,) [m/s]; None if the earlier surface was not seen, or does not match.
     """
     middle, duration = front.points.mean(axis=0), time - front.since
     farthest = float(np.linalg.norm(front.points - middle, axis=1).max())
@@ -278,8 +276,8 @@ def estimate_velocity(
     step = np.zeros(3)
     for _ in range(_REGISTRATIONS):
         nearest = tree.query(points - step)[1]
-        off = np.einsum("ij,ij->i", normals, points - left[nearest])
-        step = np.linalg.solve(matrix, normals.T @ off)
+        residual = np.einsum("ij,ij->i", normals, points - left[nearest])
+        step = np.linalg.solve(matrix, normals.T @ residual)
     if np.median(tree.query(points - step)[0]) > parameters.registered_within:
         return None
     velocity = step / duration
@@ -290,7 +288,7 @@ def estimate_velocity(
 def _guess_velocity(
     front: Points, bodies: Sequence[Points], parameters: ApproachParameters
 ) -> npt.NDArray[np.float64]:
-    """Velocity guess (3,) [m/s] of points that were seen once: away from the rest of their object.
+    """Guesses the velocity (3,) [m/s] of points seen once: away from the rest of their object.
 
     Zero if there is no rest.
     """
@@ -304,37 +302,37 @@ def _guess_velocity(
     return np.zeros(3)
 
 
-def _same(
+def _match(
     front: Points, things: Sequence[TrackedObstacle], time: float, parameters: ApproachParameters
 ) -> int | None:
-    """Which of the things a front belongs to: the nearest to where it should be, if one is near."""
+    """Returns the index of the obstacle whose prediction is closest to a front, if any is near."""
     middle = front.mean(axis=0)
-    best, least = None, np.inf
-    for number, thing in enumerate(things):
-        age = time - thing.seen
-        off = float(np.linalg.norm(thing.moved(age).mean(axis=0) - middle))
-        moved = float(np.linalg.norm(thing.points.mean(axis=0) - middle))
-        if off < least and moved <= parameters.fastest * age + parameters.gap:
-            best, least = number, off
+    best, smallest = None, np.inf
+    for number, obstacle in enumerate(things):
+        age = time - obstacle.seen
+        distance = float(np.linalg.norm(obstacle.moved(age).mean(axis=0) - middle))
+        moved = float(np.linalg.norm(obstacle.points.mean(axis=0) - middle))
+        if distance < smallest and moved <= parameters.fastest * age + parameters.gap:
+            best, smallest = number, distance
     return best
 
 
 def _thinned(points: Points, spacing: float) -> npt.NDArray[np.int64]:
-    """The index of one point of each voxel of that size."""
+    """Returns the index of one point of each voxel of that size."""
     return np.asarray(np.unique(voxel_keys(points, spacing), return_index=True)[1])
 
 
 def last_seen_of_things(
     points: Points, times: npt.NDArray[np.float64], parameters: ApproachParameters
 ) -> npt.NDArray[np.float64]:
-    """When each point's thing was last seen, whichever part of it that was (N,) [s].
+    """Returns when any part of each point's object was last seen (N,) [s].
 
-    A hand whose forearm is in view has not gone, though a camera is blind for what is near to it.
+    A hand is still there while its forearm is in view, even if it is inside the near limit.
 
     Args:
-        points: (N, 3) of things [m].
-        times: When each was last seen itself (N,) [s].
-        parameters: The gap between things.
+        points: (N, 3) points of objects [m].
+        times: Time when each point was last seen (N,) [s].
+        parameters: The gap between objects.
     """
     if not len(points):
         return times
@@ -345,14 +343,14 @@ def last_seen_of_things(
 
 
 def thing_labels(points: Points, gap: float) -> npt.NDArray[np.int32]:
-    """The number (N,) of the thing that each point belongs to."""
+    """Returns the label (N,) of the cluster that each point belongs to."""
     one, other = cKDTree(points).query_pairs(gap, output_type="ndarray").T
     near = coo_array((np.ones(len(one), np.int8), (one, other)), (len(points), len(points)))
     return np.asarray(connected_components(near, directed=False)[1])
 
 
 def _clusters(points: Points, parameters: ApproachParameters) -> list[npt.NDArray[np.int64]]:
-    """The indices of the points of each thing, without those of too few."""
+    """Returns the indices of the points of each cluster that is large enough."""
     if len(points) < parameters.least_points:
         return []
     labels = thing_labels(points, parameters.gap)

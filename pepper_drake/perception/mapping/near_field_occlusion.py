@@ -1,9 +1,9 @@
 """Infers obstacles inside the depth camera's near limit from what they occlude.
 
-Objects nearer than the near limit are not measured and leave a hole in the image. A hole means an
-obstacle where it hides a known surface, such as the floor, where neither the robot nor another
-known object blocks the view or the projector's light, and where the sensor does not make it by
-itself (see `depth_holes`).
+Objects inside the near limit are not measured and leave a hole in the image. A hole means an
+obstacle if a known surface, such as the floor, is expected there, neither the robot nor another
+known object blocks the view or the projector's light, and the sensor does not explain it (see
+`depth_holes`).
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ Mask = npt.NDArray[np.bool_]
 _PITCH = 6
 """Stride of rays [pixels]."""
 _STEP = 0.02
-"""Between points on a ray [m]."""
+"""Step between points on a ray [m]."""
 
 
 @dataclass(unsafe_hash=True)
@@ -41,20 +41,20 @@ class NearFieldParameters:
     """Parameters of inferring what is inside the camera's near limit.
 
     Attributes:
-        beyond: Margin beyond the near limit at which occluded surfaces count [m].
-        farthest: Farthest background [m].
-        spacing: Of the background's points [m].
-        nearest: Least distance of an inferred obstacle to the camera [m], ...
-        likely: ... and its usual least distance [m].
-        margin: Distance beyond the near limit to which a ray is followed [m].
-        around_known: Distance to a known object within which it may occlude: one side of it is
-            known only [m].
+        beyond: Margin beyond the near limit from which occluded surfaces count [m].
+        farthest: Largest depth of the background [m].
+        spacing: Spacing of the background's points [m].
+        nearest: Smallest depth of an inferred obstacle [m], ...
+        likely: ... and its usual smallest depth [m].
+        margin: Distance beyond the near limit up to which a ray is followed [m].
+        around_known: Distance to a known object within which it may occlude [m], as only one side
+            of it is known.
         on_table: Height above the table up to which points belong to it [m].
         floor: Height up to which points belong to the floor [m].
         grazing: Cosine of the angle of incidence below which floor and table need not be measured.
-        support_rim: Width around the goal object of what it stands on, which may occlude, too [m].
-        support_thickness: Thickness of that [m].
-        least_rays: Fewer are noise.
+        support_rim: Width around the goal object of its support, which may occlude, too [m].
+        support_thickness: Thickness of the support [m].
+        least_rays: Fewer rays are noise.
         kept: Time for which an inferred obstacle is kept [s].
     """
 
@@ -75,7 +75,7 @@ class NearFieldParameters:
 
 
 DEFAULT_NEAR_FIELD = NearFieldParameters()
-"""Default of functions that are given no parameters."""
+"""Default parameters."""
 
 
 def background_points(
@@ -85,17 +85,17 @@ def background_points(
     X_WC: RigidTransform,
     parameters: NearFieldParameters = DEFAULT_NEAR_FIELD,
 ) -> npt.NDArray[np.float64]:
-    """Background points, visible unless occluded: all surfaces, floor and table alike.
+    """Returns background points, visible unless occluded: all surfaces including floor and table.
 
     Args:
         before: (P, 3) background points before this image, in W [m].
-        depth: Depth image (height, width), m, 0 where nothing was measured.
+        depth: Depth image (height, width) [m], 0 for holes.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
-        parameters: What counts as background.
+        parameters: Limits of the background.
 
     Returns:
-        (Q, 3) what the image shows, and what was seen before where it measured nothing.
+        (Q, 3) the image's points, and the earlier ones in its holes or outside the image.
     """
     if depth.size == 0:
         return np.asarray(before, dtype=float)
@@ -125,20 +125,20 @@ def unexplained_holes(
     parameters: NearFieldParameters = DEFAULT_NEAR_FIELD,
     hole_parameters: HoleParameters = DEFAULT_HOLES,
 ) -> tuple[HoleMemory, Mask]:
-    """Finds the holes of an image that the sensor or the surface behind does not explain.
+    """Finds the holes of an image that neither the sensor nor the surface behind explains.
 
     Args:
-        memory: What earlier images told of holes.
-        behind: (B, 3) what would be seen if nothing hid it, in W [m].
-        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        memory: Memory of holes in earlier images.
+        behind: (B, 3) background points, visible unless occluded, in W [m].
+        depth: Depth image (height, width) [m], 0 for holes.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
-        table: Height of what things stand on, in W [m].
-        parameters: What has to be measured.
-        hole_parameters: Which holes are explained.
+        table: Height of the table on which objects stand, in W [m].
+        parameters: Parameters of the expected image.
+        hole_parameters: Parameters of explaining holes.
 
     Returns:
-        The memory of holes, and the pixels (height, width) in the middle of the others.
+        The memory of holes, and the mask (height, width) of the blank pixels of unexplained holes.
     """
     _, expected = _expected(behind, intrinsics, X_WC, table, parameters)
     memory = learn_blindness(memory, depth, expected, intrinsics, X_WC, hole_parameters)
@@ -161,20 +161,21 @@ def occluded_points(
     parameters: NearFieldParameters = DEFAULT_NEAR_FIELD,
     hole_parameters: HoleParameters = DEFAULT_HOLES,
 ) -> npt.NDArray[np.float64]:
-    """Finds where something may be that is too near to be measured.
+    """Finds possible positions of obstacles too near to be measured.
 
     Args:
-        behind: (B, 3) what would be seen if nothing hid it, in W [m]; the floor, z = 0, at latest.
+        behind: (B, 3) background points, visible unless occluded, in W [m]; the floor, z = 0, is
+            added.
         known: (P, 3) points on known obstacles, in W [m].
-        depth: Depth image (height, width) [m], 0 where nothing was measured.
+        depth: Depth image (height, width) [m], 0 for holes.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
-        ignored: The robot and the goal object, where they were.
-        table: Height of what things stand on, in W [m].
-        holes: From `unexplained_holes`; all holes of the image when left out.
-        baseline: Distance of the camera from its projector [m]; 0 if it needs none.
-        parameters: What may be there.
-        hole_parameters: What lies in the projector's shadow.
+        ignored: The robot and the goal object at that time.
+        table: Height of the table on which objects stand, in W [m].
+        holes: From `unexplained_holes`; all holes of the image if omitted.
+        baseline: Distance of the camera from its projector [m]; 0 without a projector.
+        parameters: Parameters of inferred obstacles.
+        hole_parameters: Parameters of shadows.
 
     Returns:
         (Q, 3) points in W [m], on the rays through such holes, up to the near limit; none for an
@@ -201,7 +202,7 @@ def occluded_points(
         )
         if len(some)
     ]
-    # The camera's view and the projector's light; on which side that is does not matter.
+    # Rays from the camera, and from the projector on either side.
     for origin in (0.0,) if baseline == 0.0 else (0.0, baseline, -baseline):
         if len(ahead) < parameters.least_rays:
             return nothing
@@ -228,9 +229,9 @@ def _expected(
     table: float,
     parameters: NearFieldParameters,
 ) -> tuple[npt.NDArray[np.float64], tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
-    """Expected image: points (N, 3) in C [m], and their columns and rows (N,).
+    """Returns the points (N, 3) in C expected in an image [m], with columns and rows (N,).
 
-    Floor and table are not, where they are seen at a grazing angle.
+    Floor and table are not expected where they are seen at a grazing angle.
     """
     behind = np.concatenate((behind, _floor(intrinsics, X_WC, parameters.farthest)))
     offset = X_WC.translation() - behind
@@ -245,7 +246,7 @@ def _expected(
 def _floor(
     intrinsics: CameraIntrinsics, X_WC: RigidTransform, farthest: float
 ) -> npt.NDArray[np.float64]:
-    """Intersections (N, 3) [m] of the image's rays with the floor, z = 0 in W, up to `farthest`."""
+    """Returns the intersections (N, 3) [m] of rays with the floor, z = 0 in W, up to a depth."""
     rays_C = pixel_rays(intrinsics, _PITCH).reshape(-1, 3).astype(float)
     rays_W = rays_C @ X_WC.rotation().matrix().T
     p_WC = X_WC.translation()
@@ -257,11 +258,11 @@ def _floor(
 
 
 def _in_camera(p_W: Points, X_WC: RigidTransform) -> npt.NDArray[np.float64]:
-    """Points (N, 3) of W in the camera frame [m]."""
+    """Transforms points (N, 3) from W to the camera frame [m]."""
     p_C = (np.asarray(p_W, dtype=float) - X_WC.translation()) @ X_WC.rotation().matrix()
     return np.asarray(p_C)
 
 
 def _pixels(p_C: Points, intrinsics: CameraIntrinsics) -> npt.NDArray[np.int64]:
-    """Columns and rows (2, N) of points (N, 3) that the camera sees."""
+    """Returns the columns and rows (2, N) of points (N, 3) in the field of view."""
     return np.rint(intrinsics.project(p_C)).astype(np.int64).T

@@ -1,4 +1,4 @@
-"""Obstacle map: one step for each depth image."""
+"""Obstacle map, updated with each depth image."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -40,16 +40,15 @@ class ObstacleParameters:
     """Parameters of the obstacle map.
 
     Attributes:
-        cloud: Points made of a depth image.
-        memory: Voxels and views that are kept.
+        cloud: Points from a depth image.
+        memory: Memory of voxels and views.
         approach: Tracking of moving obstacles.
-        validity: Depth images that are refused.
+        validity: Checks of depth images.
         near_field: Obstacles inside the camera's near limit.
-        holes: Holes that the sensor makes by itself.
-        treat_holes_as_near: Whether a hole in the image is of something too near to be measured; if
-            not, it means nothing.
-        projector_baseline: Distance of the camera from the projector whose pattern it sees [m]; 0
-            if it needs none.
+        holes: Explanation of holes by the sensor or the surface.
+        treat_holes_as_near: Whether unexplained holes mean obstacles too near to be measured;
+            otherwise holes are ignored.
+        projector_baseline: Distance of the camera from its pattern projector [m]; 0 without one.
     """
 
     cloud: CloudParameters = field(default_factory=CloudParameters)
@@ -74,19 +73,19 @@ def update_obstacles(
     ignored: "Sequence[ExcludedSolids]",
     parameters: "ObstacleParameters",
 ) -> "VoxelMap":
-    """Takes one depth image into the memory.
+    """Updates the map with one depth image.
 
     Args:
-        voxels: What was remembered before.
+        voxels: The previous map.
         image: Depth image, see `depth_in_metres`; one without any measurement changes nothing.
-        time: When it was taken [s].
+        time: Capture time [s].
         X_WC: The camera's pose at that time.
         intrinsics: The camera.
-        ignored: What is no obstacle, where it was at that time.
-        parameters: How obstacles are seen and remembered.
+        ignored: Solids that are no obstacles, at that time.
+        parameters: Detection and memory of obstacles.
 
     Returns:
-        The map after the image.
+        The new map.
 
     Raises:
         InputError: If the image cannot be read (see `depth_in_metres`) or lies below the floor.

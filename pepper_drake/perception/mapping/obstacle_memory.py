@@ -1,4 +1,4 @@
-"""Memory of the depth images used so far: voxels, clouds, things that move."""
+"""Memory of the depth images used so far: voxels, clouds, moving obstacles."""
 
 from dataclasses import dataclass
 
@@ -16,21 +16,21 @@ from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParamete
 
 @dataclass(frozen=True)
 class ObstacleMemory:
-    """State of the `DepthPointCloudSource`. Never changed once made.
+    """Immutable state of the `DepthPointCloudSource`.
 
     Attributes:
-        voxels: What was seen.
-        time: Of the last image used [s].
-        stamp: Of the last image that came [s].
+        voxels: The voxel map.
+        time: Time stamp of the last image used [s].
+        stamp: Time stamp of the last image received [s].
         image: That image.
         X_WC: The camera's pose for it.
-        fault: Why it was not used.
+        fault: Reason why it was not used.
         X_WO: The goal object's last known pose.
         surface: The map's points.
-        cloud: The same in W.
-        X_WT: The torso's pose for which the cloud in T is made, when someone asks for it.
-        tracker: Of moving obstacles.
-        space: What is free, occupied and unknown.
+        cloud: The same as a PointCloud in W.
+        X_WT: The torso's pose, for the cloud in T.
+        tracker: Tracker of moving obstacles.
+        space: Free, occupied and unknown space.
     """
 
     voxels: VoxelMap
@@ -67,7 +67,7 @@ class ObstacleMemory:
         )
 
     def settled_points(self, parameters: VoxelMapParameters) -> npt.NDArray[np.float32]:
-        """Returns places (P, 3) of what has stood there since it was seen first, in W [m]."""
+        """Returns the points (P, 3) of static surfaces that were seen often, in W [m]."""
         settled = self.voxels.scores >= parameters.settled_score
         if len(self.tracker.transient_keys):
             settled &= ~np.isin(self.voxels.keys, self.tracker.transient_keys)

@@ -1,8 +1,8 @@
-"""Space as free, occupied or unknown, with when it was seen.
+"""Space as free, occupied or unknown, with the time of observation.
 
-What was not measured is not free: a place is free if an image looked through it, occupied if
-something was seen there, and else unknown. The images themselves are kept, one for each view, since
-whether they look through a place can then be told for any place as precisely as they were taken.
+Unmeasured is not free: a place is free if an image saw through it, occupied if a surface was seen
+there, and otherwise unknown. The images themselves are kept, a few for each view, so that free
+space can be queried at any place with their full resolution.
 """
 
 import enum
@@ -19,7 +19,7 @@ Points = npt.NDArray[np.floating]
 
 
 class SpaceState(enum.IntEnum):
-    """Knowledge of a place: free, occupied or unknown."""
+    """State of a place: free, occupied or unknown."""
 
     UNKNOWN = 0
     FREE = 1
@@ -28,12 +28,12 @@ class SpaceState(enum.IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class SeenSpace:
-    """Seen space. Never changed once made.
+    """Immutable map of observed space.
 
     Attributes:
-        voxels: Where something was seen.
-        views: Images that looked through what is free, the newest last.
-        parameters: How the map remembers: margins at which an image looks through a place.
+        voxels: The occupied voxels.
+        views: Images that determine free space, the newest last.
+        parameters: Parameters of the voxel map, with the margins of free space.
     """
 
     voxels: VoxelMap
@@ -47,14 +47,13 @@ class SeenSpace:
         return self
 
     def with_view(self, view: DepthFrame, voxels: VoxelMap) -> "SeenSpace":
-        """Returns what is known after one more image.
+        """Returns the space after one more image.
 
-        Of views that show the same only the newest few are kept: more than one, since each loses
-        other pixels.
+        Of similar views only the newest few are kept: more than one, since each has other dropouts.
 
         Args:
-            view: The image; one without pixels shows nothing.
-            voxels: The map with the image taken in.
+            view: The image; one without pixels is ignored.
+            voxels: The map, updated with the image.
         """
         if view.depth.size == 0:
             return replace(self, voxels=voxels)
@@ -67,17 +66,17 @@ class SeenSpace:
     def states(
         self, p_W: Points, time: float
     ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float64]]:
-        """Tells what is known of places.
+        """Returns the states of places.
 
-        A place nearer to something seen than an image can tell from it counts as occupied.
+        A place nearer to a seen surface than an image can resolve counts as occupied.
 
         Args:
             p_W: Places (N, 3) in W [m].
-            time: Now [s].
+            time: Present time [s].
 
         Returns:
             `SpaceState` of each (N,), and the time since that was seen (N,) [s], infinite where
-            nothing is known.
+            unknown.
         """
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
         age = self._free_age(p_W, time, np.inf)
@@ -89,15 +88,14 @@ class SeenSpace:
         return state, age
 
     def unseen(self, p_W: Points, time: float, *, oldest: float | Points) -> npt.NDArray[np.bool_]:
-        """Tells which places were not seen lately: unknown, or free and seen too long ago.
+        """Tells which places were not seen recently: unknown, or free but seen too long ago.
 
-        What is occupied is seen, however long ago: obstacles are remembered.
+        Occupied places count as seen, however long ago: obstacles are remembered.
 
         Args:
             p_W: Places (N, 3) in W [m].
-            time: Now [s].
-            oldest: Time since a place was seen to be free up to which that counts [s]; one, or one
-                for each place (N,).
+            time: Present time [s].
+            oldest: Largest age at which a free place counts as seen [s]; a scalar or (N,).
         """
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
         age = self._free_age(p_W, time, float(np.max(oldest, initial=-np.inf)))
@@ -107,18 +105,18 @@ class SeenSpace:
         return unseen
 
     def hidden_below(self, p_W: Points, spacing: float) -> Points:
-        """Returns unknown places (K, 3) right below seen ones (N, 3), in W, down to the floor [m].
+        """Returns unknown places (K, 3) below seen ones (N, 3), in W, down to the floor [m].
 
-        What stands on the floor shows its upper part alone to a camera that is above and near.
-        They go down to the first place that an image looked through, or where something was seen.
+        Of an object standing on the floor, a camera above and near sees only the upper part. The
+        places end above the first free or occupied place.
 
         Args:
-            p_W: Where something was seen [m].
-            spacing: Between places, and between the seen ones that count [m].
+            p_W: Seen places [m].
+            spacing: Spacing of places, also of the seen ones used [m].
         """
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
         below = p_W[np.unique(voxel_keys(p_W, spacing), return_index=True)[1]]
-        # The first steps are within what counts as occupied around the place itself.
+        # Nearer places count as occupied by the seen place itself.
         below = below - [0.0, 0.0, self.parameters.voxel_size + self.parameters.carve_margin]
         hidden = []
         while len(below := below[below[:, 2] > 0.0]):
@@ -128,16 +126,16 @@ class SeenSpace:
         return np.concatenate(hidden) if hidden else np.zeros((0, 3))
 
     def hanging(self, p_W: Points, gap: float, above: float, least: int) -> npt.NDArray[np.bool_]:
-        """Tells which seen places (N, 3) are on things that hang in the air, as an arm does.
+        """Tells which seen places (N, 3) are on objects hanging in the air, such as an arm.
 
-        Nothing else moves of itself. Right below the lowest part that is seen of such a thing an
-        image looked through; what stands on a table, or whose lower part is hidden, does not count.
+        Only such objects move by themselves. The space below their lowest visible part was seen to
+        be free; objects standing on a table, or with a hidden lower part, do not count.
 
         Args:
-            p_W: Where something was seen [m].
-            gap: Points of one thing have neighbours nearer than this [m].
-            above: How far below the lowest part there is space [m].
-            least: Things of fewer points do not count.
+            p_W: Seen places [m].
+            gap: Largest distance of neighbouring points of one object [m].
+            above: Height of the free space below the lowest part [m].
+            least: Smallest number of points of an object.
         """
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
         hangs = np.zeros(len(p_W), dtype=bool)
@@ -152,7 +150,7 @@ class SeenSpace:
         return hangs
 
     def _free_age(self, p_W: Points, time: float, longest: float) -> npt.NDArray[np.float64]:
-        """Time (N,) since images no older than `longest` [s] looked through places (N, 3) [s]."""
+        """Returns the time (N,) since images up to an age `longest` saw places (N, 3) free [s]."""
         age = np.full(len(p_W), np.inf)
         left = np.arange(len(p_W))
         for view in reversed(self.views):
@@ -163,7 +161,7 @@ class SeenSpace:
         return age
 
     def _occupied(self, p_W: Points) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
-        """Distance (N,) [m] to the nearest voxel that places (N, 3) count to, and its index."""
+        """Returns the distance (N,) [m] from places (N, 3) to the nearest voxel, and its index."""
         if not len(self.voxels) or not len(p_W):
             return np.full(len(p_W), np.inf), np.zeros(len(p_W), np.intp)
         reach = self.parameters.voxel_size + self.parameters.carve_margin
@@ -172,10 +170,10 @@ class SeenSpace:
 
 
 def describe_place(p_T: Points) -> str:
-    """Says in words where a place is, from where the robot stands.
+    """Describes a place in words, relative to the robot.
 
     Args:
-        p_T: The place (3,) in the torso's frame (x ahead, y to the left, z up) [m].
+        p_T: The place (3,) in the torso frame (x ahead, y to the left, z up) [m].
 
     Returns:
         Such as "0.42 m ahead, 0.10 m to the right, 0.05 m below the torso's middle".

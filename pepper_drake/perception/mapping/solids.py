@@ -1,6 +1,6 @@
 """Boxes, cylinders, spheres and capsules: distances of points to them, points on them.
 
-With these a robot or an object is cut out of a cloud by its own shape, not by a ball around it.
+They serve to remove a robot or an object from a cloud by its exact shape.
 """
 
 import functools
@@ -27,7 +27,7 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Solid:
-    """A solid fixed in a frame F; its own frame S has the origin in its middle.
+    """A solid fixed in a frame F; its own frame S has the origin at its centre.
 
     Attributes:
         shape: Box, Cylinder (along its z), Sphere or Capsule (along its z).
@@ -48,12 +48,12 @@ class Solid:
 
     @functools.cached_property
     def kind(self) -> int:
-        """0 for a box, 1 for a cylinder, 2 for a sphere or a capsule."""
+        """Returns 0 for a box, 1 for a cylinder, 2 for a sphere or a capsule."""
         return 0 if isinstance(self.shape, Box) else 1 if isinstance(self.shape, Cylinder) else 2
 
     @functools.cached_property
     def dimensions(self) -> npt.NDArray[np.float64]:
-        """A box's half edges, else radius, half the length of the straight part and 0 (3,) [m]."""
+        """Returns a box's half edges, else radius, half the straight length and 0 (3,) [m]."""
         shape = self.shape
         if isinstance(shape, Box):
             return np.asarray(shape.size()) / 2
@@ -62,14 +62,14 @@ class Solid:
 
     @functools.cached_property
     def bounding_radius(self) -> float:
-        """Radius of the smallest ball around the origin of S that holds the solid [m]."""
+        """Returns the radius of the bounding sphere around the origin of S [m]."""
         if self.kind < 2:
             return float(np.linalg.norm(self.dimensions))
         return float(np.sum(self.dimensions))
 
     @functools.cached_property
     def width(self) -> float:
-        """Largest distance of its points from the z axis of F; its own z axis is upright [m]."""
+        """Returns the largest distance of its points from the z axis of F, with S upright [m]."""
         own = np.hypot(*self.dimensions[:2]) if self.kind == 0 else self.dimensions[0]
         return float(np.hypot(*self.X_FS.translation()[:2]) + own)
 
@@ -91,8 +91,8 @@ class SolidArrays(NamedTuple):
     Attributes:
         kinds: (S,).
         dimensions: (S, 3) [m].
-        radii: (S,) of the balls around them [m].
-        rotations: (S, 3, 3) of each in its frame F.
+        radii: Radii of their bounding spheres (S,) [m].
+        rotations: Rotation of each in its frame F (S, 3, 3).
         positions: (S, 3) [m].
     """
 
@@ -104,7 +104,7 @@ class SolidArrays(NamedTuple):
 
     @classmethod
     def of(cls, solids: Sequence[Solid]) -> "SolidArrays":
-        """Returns the arrays of solids, of which there must be one at least."""
+        """Returns the arrays of at least one solid."""
         return cls(
             np.array([solid.kind for solid in solids]),
             np.array([solid.dimensions for solid in solids]),
@@ -118,7 +118,7 @@ class SolidArrays(NamedTuple):
 def _signed_distance(
     kind: int, dimensions: npt.NDArray[np.float64], x: float, y: float, z: float
 ) -> float:
-    """Signed distance of one point of a solid's own frame [m]; see `Solid`."""
+    """Returns the signed distance of one point in a solid's own frame [m]; see `Solid`."""
     if kind == 2:
         beyond = max(abs(z) - dimensions[1], 0.0)
         return math.sqrt(x * x + y * y + beyond * beyond) - dimensions[0]
@@ -141,14 +141,14 @@ def _signed_distances(kind: int, dimensions: npt.NDArray[np.float64], points: Po
 
 @dataclass(frozen=True)
 class ExcludedSolids:
-    """Solids that are seen but are no obstacles: the robot itself, the goal object.
+    """Visible solids that are no obstacles: the robot itself, the goal object.
 
     Attributes:
         solids: The solids.
         poses: Pose X_WF of each solid's frame.
         margin: Points closer than this belong to them [m].
-        keep_known_voxels: Whether points remembered within the margin, but not inside the solids,
-            are kept: the hand must not forget an obstacle because it comes close to it.
+        keep_known_voxels: Whether known voxels within the margin, but not inside the solids, are
+            kept: an obstacle must not be forgotten because the hand comes close to it.
     """
 
     solids: Sequence[Solid]
@@ -160,12 +160,12 @@ class ExcludedSolids:
 
     @functools.cached_property
     def placed(self) -> "SolidSet":
-        """The solids in W."""
+        """Returns the solids in W."""
         return SolidSet.posed(self.solids, self.poses)
 
 
 class SolidSet:
-    """Solids at fixed poses in a frame F: the one place where points are measured against solids.
+    """Solids at fixed poses in a frame F, for distance queries.
 
     Args:
         solids: The solids, posed in F.
@@ -176,7 +176,7 @@ class SolidSet:
 
     @classmethod
     def posed(cls, solids: Sequence[Solid], poses: Sequence[RigidTransform]) -> "SolidSet":
-        """Returns solids of several frames G in a frame F, by the poses X_FG of their frames."""
+        """Returns solids in a frame F, given the poses X_FG of their frames G."""
         return cls(
             [
                 Solid(solid.shape, X_FG @ solid.X_FS)
@@ -185,13 +185,13 @@ class SolidSet:
         )
 
     def __len__(self) -> int:
-        """Number of solids."""
+        """Returns the number of solids."""
         return len(self._solids)
 
     def distance(self, positions: Points, cap: float = np.inf) -> npt.NDArray[np.float64]:
         """Returns the signed distance (...) [m] of positions (..., 3) to the nearest solid.
 
-        It is at most `cap` [m]: with a cap, only points near a solid cost anything.
+        It is at most `cap` [m]; points beyond the cap cost almost nothing.
         """
         points = np.ascontiguousarray(positions.reshape(-1, 3))
         least = np.full(len(points), float(cap))
@@ -204,9 +204,9 @@ class SolidSet:
 
         Args:
             p_F: The points [m].
-            margin: Distance [m]; negative to tell only points that lie that deep inside.
+            margin: Distance [m]; negative for points at least that deep inside.
         """
-        # The least number above the margin: a distance that is the margin counts.
+        # The next larger number, so that a distance equal to the margin counts.
         distances = self.distance(p_F, float(np.nextafter(margin, np.inf)))
         return np.asarray(distances <= margin)
 
@@ -217,7 +217,7 @@ class SolidSet:
 
 @compiled
 def _lower_distances(least: npt.NDArray[np.float64], points: Points, solids: SolidArrays) -> None:
-    """Lowers distances (N,) of points (N, 3) to those of solids, where these are nearer."""
+    """Lowers distances (N,) of points (N, 3) to those from solids, where smaller."""
     kinds, dimensions, radii, rotations, positions = solids
     for s in range(len(kinds)):
         R = rotations[s]
@@ -247,15 +247,15 @@ def least_link_distances(
     cells: PointCells,
     most: float,
 ) -> npt.NDArray[np.float64]:
-    """Returns the least signed distances (M,) of solids on links to points, at most `most` [m].
+    """Returns the smallest signed distances (M,) of solids on links to points [m].
 
     Args:
-        rotations: (L, M, 3, 3) of each link in the frame of the points.
+        rotations: Rotation of each link in the frame of the points (L, M, 3, 3).
         positions: (L, M, 3) [m].
-        links: (S,) number of the link that each solid is on.
-        solids: In the frames of their links.
+        links: Index of each solid's link (S,).
+        solids: The solids in the frames of their links.
         cells: The points.
-        most: [m].
+        most: Upper bound of the result [m].
     """
     points, first, lower, counts, size = cells
     least = np.full(rotations.shape[1], most)
@@ -300,13 +300,13 @@ def near_solids(
     poses: Sequence[RigidTransform],
     margin: float,
 ) -> Mask:
-    """Tells which points are in any of several solids, or closer to it than a margin.
+    """Tells which points are in any of several solids, or closer to one than a margin.
 
     Args:
         p_W: Points (N, 3) [m].
         solids: The solids.
         poses: Pose X_WF of each solid's frame F.
-        margin: Distance [m]; negative to tell only points that lie that deep inside.
+        margin: Distance [m]; negative for points at least that deep inside.
 
     Returns:
         (N,).
@@ -324,12 +324,12 @@ def collision_solids(
 
 
 class RobotSolids:
-    """A robot's collision shapes, where its joints put them.
+    """A robot's collision shapes, posed by its joints.
 
     Args:
-        plant: A finalized plant that holds the robot, registered with `scene_graph`.
-        scene_graph: Its geometry; collision shapes that are not primitives are not accepted.
-        model: The robot's model instance; all of the plant when left out.
+        plant: A finalized plant with the robot, registered with `scene_graph`.
+        scene_graph: Its geometry; all collision shapes must be primitives.
+        model: The robot's model instance; the whole plant if omitted.
     """
 
     def __init__(
@@ -369,11 +369,11 @@ class RobotSolids:
 
 
 def sample_surface(solids: Sequence[Solid], spacing: float = 0.01) -> npt.NDArray[np.float64]:
-    """Points (P, 3) on the surfaces of boxes and cylinders, in the frame in which they are placed.
+    """Returns points (P, 3) on the surfaces of boxes and cylinders, in their frame F.
 
     Args:
         solids: Boxes and cylinders with their poses X_FS.
-        spacing: Between points at most [m].
+        spacing: Largest spacing of the points [m].
     """
     points = [np.zeros((0, 3))]
     for solid in solids:
@@ -398,10 +398,10 @@ def sample_surface(solids: Sequence[Solid], spacing: float = 0.01) -> npt.NDArra
 
 
 def _even(lower: float, upper: float, spacing: float) -> npt.NDArray[np.float64]:
-    """Even numbers from one to another, no farther apart than the spacing."""
+    """Returns evenly spaced numbers, no farther apart than the spacing."""
     return np.linspace(lower, upper, int(np.ceil((upper - lower) / spacing)) + 1)
 
 
 def _at_height(points: npt.NDArray[np.float64], z: float) -> npt.NDArray[np.float64]:
-    """Points (N, 2) in the plane at a height, (N, 3)."""
+    """Returns points (N, 2) at a height as (N, 3)."""
     return np.column_stack((points, np.full(len(points), z)))

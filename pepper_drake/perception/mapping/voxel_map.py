@@ -1,10 +1,10 @@
-"""Voxel map of the obstacles, kept in the world frame while the camera looks elsewhere.
+"""Voxel map of the obstacles in the world frame, kept while the camera looks elsewhere.
 
 Pepper's depth camera is blind below 0.4 m, and near a table its view is full of table and arm. So
-each depth image adds to a map of voxels that stays. A voxel holds the mean of the points that fell
-into it, their mean normal, a score and the time when it was last hit. An image that looks through a
-voxel to something farther away takes from its score: things that left leave no ghosts. Where
-nothing came back nothing is known, and nothing changes.
+depth images are accumulated in a map of voxels. A voxel has the mean of its points, their mean
+normal, a score and the time when it was last hit. An image that sees through a voxel to something
+farther away lowers its score, which removes objects that have left. Holes in the image change
+nothing.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ from pepper_drake.short_repr import figure_view, short_repr, short_signature
 _KEY_BITS = 21
 _KEY_OFFSET = 1 << (_KEY_BITS - 1)
 _LEAST_PIXELS = 4
-"""Pixels, of nine, that have to have measured something for a voxel to be looked through."""
+"""Smallest number of measured pixels, of nine, for a voxel to be seen through."""
 
 
 @dataclass(unsafe_hash=True)
@@ -35,23 +35,23 @@ class VoxelMapParameters:
 
     Attributes:
         voxel_size: Edge of a voxel [m].
-        hit: What a frame with a point in the voxel adds to its score.
-        miss: What a frame that looks through the voxel takes from its score.
-        doubt: What a frame takes that sees the voxel's surface, but no point in the voxel: so go
-            the voxels beside a surface that only the noise of a few frames has filled.
-        max_score: Highest score: it decides how long a voxel outlives its object.
-        carve_margin: A voxel is looked through when what is seen there is this much farther away,
-            m; beside it, three standard deviations of the depth noise.
+        hit: Increase of a voxel's score by a frame with a point in it.
+        miss: Decrease by a frame that sees through the voxel.
+        doubt: Decrease by a frame that sees the voxel's surface, but no point in the voxel: removes
+            voxels beside a surface that were filled by the noise of a few frames.
+        max_score: Highest score: it determines how long a voxel outlives its object.
+        carve_margin: A voxel is seen through when the depth there is larger by this [m] plus three
+            standard deviations of the depth noise.
         depth_noise: Standard deviation of the depth at 1 m [m]; it grows with the square of depth.
         max_age: Voxels not hit for this long are forgotten [s]; by default no run is that long.
         max_distance: Voxels farther than this from the camera are forgotten [m].
-        max_weight: Points that a voxel's mean remembers: it follows what changes slowly.
-        settled_score: Voxels of this score were seen often enough for an image to be held against
-            them.
-        alike_distance: Views whose cameras are less apart than this [m], ...
-        alike_angle: ... and turned by less than this [rad], show the same.
-        most_alike: Number of views that show the same that are kept, ...
-        most_views: ... and of all views; the oldest goes first.
+        max_weight: Largest number of points that a voxel's mean weighs, so that it follows slow
+            changes.
+        settled_score: Score of voxels seen often enough to check images against.
+        alike_distance: Views whose cameras are closer than this [m], ...
+        alike_angle: ... and rotated by less than this [rad], are similar.
+        most_alike: Number of similar views that are kept, ...
+        most_views: ... and of all views; the oldest is dropped first.
     """
 
     __signature__ = short_signature
@@ -79,15 +79,15 @@ class VoxelMapParameters:
 
 @dataclass(frozen=True)
 class VoxelMap:
-    """Occupied voxels, sorted by key. Never changed once made: updates make new maps.
+    """Occupied voxels, sorted by key; immutable: updates return new maps.
 
     Attributes:
-        keys: (N,) int64, the voxel's place in the world's grid.
+        keys: (N,) int64, the voxel's cell in the world's grid.
         positions: (N, 3) float32, mean of its points in W [m].
         normals: (N, 3) float32, sum of its points' normals, not normalised; zero if unknown.
-        weights: (N,) float32, points behind the mean.
-        scores: (N,) int16, hits less misses; all positive.
-        hit_times: (N,) when last hit [s].
+        weights: (N,) float32, number of points in the mean.
+        scores: (N,) int16, hits minus misses; all positive.
+        hit_times: (N,) time of the last hit [s].
     """
 
     keys: "npt.NDArray[np.int64]"
@@ -102,7 +102,7 @@ class VoxelMap:
 
     @classmethod
     def empty(cls) -> "VoxelMap":
-        """Returns a map of nothing."""
+        """Returns an empty map."""
         return cls(
             np.zeros(0, np.int64),
             np.zeros((0, 3), np.float32),
@@ -121,11 +121,11 @@ class VoxelMap:
 
     @cached_property
     def tree(self) -> cKDTree:
-        """The positions, for questions about what is near."""
+        """Returns a k-d tree of the positions."""
         return cKDTree(self.positions, balanced_tree=False, compact_nodes=False)
 
     def select(self, kept: npt.NDArray[np.bool_]) -> "VoxelMap":
-        """Returns the map of some of its voxels, by a mask (N,)."""
+        """Returns the map of the voxels selected by a mask (N,)."""
         if kept.all():
             return self
         return VoxelMap(
@@ -147,7 +147,7 @@ class VoxelMap:
 
 
 def voxel_keys(positions: npt.NDArray[np.floating], voxel_size: float) -> npt.NDArray[np.int64]:
-    """Returns the key of the voxel that holds each point (N, 3).
+    """Returns the key of each point's (N, 3) voxel.
 
     Keys of points beyond about a million voxels from the origin are not unique.
     """
@@ -158,12 +158,12 @@ def voxel_keys(positions: npt.NDArray[np.floating], voxel_size: float) -> npt.ND
 def add_points(
     voxels: VoxelMap, surface: SurfacePoints, time: float, parameters: VoxelMapParameters
 ) -> VoxelMap:
-    """Adds one frame's points; each voxel that gets any is hit once.
+    """Adds one frame's points; each voxel with any is hit once.
 
     Args:
         voxels: The map.
         surface: The frame's points.
-        time: When the frame was taken [s].
+        time: Capture time of the frame [s].
         parameters: Voxel size and scores.
     """
     if len(surface.positions) == 0:
@@ -214,14 +214,14 @@ def sees_free_space(
     X_WC: RigidTransform,
     parameters: VoxelMapParameters,
 ) -> npt.NDArray[np.bool_]:
-    """Tells through which places an image looks to something farther away.
+    """Tells which places an image sees as free.
 
-    All that was measured by the nine pixels around a place's projection, at least four of them, is
-    clearly farther away.
+    All depths measured by the nine pixels around a place's projection, at least four of them, are
+    clearly larger than the place's.
 
     Args:
         p_W: The places (N, 3) [m].
-        depth: Depth image (height, width), m, 0 where nothing was measured.
+        depth: Depth image (height, width) [m], 0 for holes.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
         parameters: Margins.
@@ -235,12 +235,12 @@ def sees_free_space(
 def minimum_depth(
     depth: npt.NDArray[np.float32], intrinsics: CameraIntrinsics, width: int = 3
 ) -> npt.NDArray[np.float32]:
-    """The least depth that was measured around each pixel [m]; 0 where too little was measured.
+    """Returns the smallest depth around each pixel [m]; 0 where too little was measured.
 
     Args:
-        depth: Depth image (height, width), m, 0 where nothing was measured.
+        depth: Depth image (height, width) [m], 0 for holes.
         intrinsics: The camera.
-        width: Of the square around a pixel, an odd number.
+        width: Edge of the square around a pixel, an odd number.
     """
     if depth.size == 0:
         return depth
@@ -258,12 +258,12 @@ def is_free_space(
     X_WC: RigidTransform,
     parameters: VoxelMapParameters,
 ) -> npt.NDArray[np.bool_]:
-    """Tells which places (N, 3) an image looks through, by its `minimum_depth`."""
+    """Tells which places (N, 3) an image sees as free, given its `minimum_depth`."""
     if len(p_W) == 0 or clear.size == 0:
         return np.zeros(len(p_W), dtype=bool)
     number: Any = p_W.dtype.type
     return np.asarray(
-        _looks_through(
+        _sees_through(
             np.array(p_W),
             clear,
             intrinsics.numbers,
@@ -276,7 +276,7 @@ def is_free_space(
 
 
 @compiled
-def _looks_through(
+def _sees_through(
     p_W: npt.NDArray[np.floating],
     clear: npt.NDArray[np.float32],
     camera: npt.NDArray[np.float64],
@@ -285,7 +285,7 @@ def _looks_through(
     margin: float,
     noise: float,
 ) -> npt.NDArray[np.bool_]:
-    """Does what `is_free_space` does, place by place."""
+    """Computes `is_free_space` place by place."""
     through = np.zeros(len(p_W), dtype=np.bool_)
     fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6 = camera
     height, width = clear.shape
@@ -316,19 +316,19 @@ def carve_free_space(
     parameters: VoxelMapParameters,
     spared: npt.NDArray[np.bool_] | None = None,
 ) -> VoxelMap:
-    """Takes from the score of every voxel that the camera looks through, or sees no longer filled.
+    """Lowers the score of every voxel that the camera sees through, or no longer sees filled.
 
-    A voxel is looked through when all that was measured by the nine pixels around its projection,
-    at least four of them, is clearly farther away. Voxels hit at `time` are left alone.
+    A voxel is seen through when all depths measured by the nine pixels around its projection, at
+    least four of them, are clearly larger. Voxels hit at `time` are unchanged.
 
     Args:
         voxels: The map.
-        depth: Depth image (height, width), m, 0 where nothing was measured.
+        depth: Depth image (height, width) [m], 0 for holes.
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
-        time: When the image was taken [s].
+        time: Capture time of the image [s].
         parameters: Scores and margins.
-        spared: Voxels (N,) in which no points were looked for, so that having none means nothing.
+        spared: Mask of voxels (N,) in excluded solids, for which missing points mean nothing.
 
     Returns:
         The map of voxels whose score is still positive.

@@ -1,8 +1,8 @@
-"""Depth from a pair of cameras behind Pepper's eyes.
+"""Depth from a stereo pair behind Pepper's eyes.
 
 The report computed x = ((u - cx) z + b) / f for both cameras and found its cloud shifted along x.
-The baseline b belongs to the disparity alone: in the left camera's frame x = (u - cx) z / f, and
-only a point's coordinate in the right camera's frame differs from it, by b (equations 3.3 and 3.5).
+The baseline b affects the disparity alone: in the left camera's frame x = (u - cx) z / f; in the
+right camera's frame the coordinate differs by b (equations 3.3 and 3.5).
 """
 
 import functools
@@ -24,11 +24,11 @@ from pepper_drake.perception.mapping.voxel_map import VoxelMapParameters
 Array = npt.NDArray[np.float32]
 
 STEREO_BASELINE = 0.078
-"""Distance of the two cameras, m. No source gives it; assumed, as the left eye is 0.039 m off the
-middle."""
+"""Distance of the two cameras [m]. An assumption without a source, as the left eye is 0.039 m off
+the centre."""
 
 _EYE = (0.05138, 0.1194)
-"""Position of the eyes in the Head frame along x and z [m]: there is the depth camera of others."""
+"""Position of the eyes in the Head frame along x and z [m], that of other robots' depth camera."""
 
 
 def make_stereo_cameras(
@@ -36,11 +36,11 @@ def make_stereo_cameras(
     *,
     distortion: tuple[float, float, float, float, float] = (-0.04, 0.03, 0.0, 0.0, 0.0),
 ) -> tuple[HeadCamera, HeadCamera]:
-    """Returns the left and the right camera: 1280x720, 60 degrees high, side by side.
+    """Returns the left and the right camera: 1280x720, vertical field of view 60 degrees.
 
     Args:
         baseline: Distance of the two [m].
-        distortion: Of both lenses.
+        distortion: Distortion of both lenses.
     """
     if not baseline > 0:
         raise InputError(f"stereo baseline {baseline} must be positive.")
@@ -59,12 +59,12 @@ class Rectification:
     """Rectification of two images to aligned rows, and the left camera after it.
 
     Attributes:
-        left_maps: For `cv2.remap` of the left image.
-        right_maps: For `cv2.remap` of the right image.
-        intrinsics: Of the rectified left camera, without distortion.
-        baseline: m.
-        offset: Disparity of a point infinitely far away [pixels]: the difference of the two
-            principal points.
+        left_maps: Maps for `cv2.remap` of the left image.
+        right_maps: Maps for `cv2.remap` of the right image.
+        intrinsics: Intrinsics of the rectified left camera, without distortion.
+        baseline: Distance of the cameras [m].
+        offset: Disparity of a point at infinity [pixels]: the difference of the two principal
+            points.
         R_CLeftRect: Orientation of the rectified left camera in the left one.
     """
 
@@ -82,21 +82,21 @@ class Rectification:
 
 @dataclass(unsafe_hash=True)
 class StereoParameters:
-    """Semi-global matching (Hirschmueller 2008, doi:10.1109/TPAMI.2007.1166) and what it sees.
+    """Parameters of semi-global matching (Hirschmueller 2008, doi:10.1109/TPAMI.2007.1166).
 
     Attributes:
-        nearest: Nearest distance that can be matched [m]: it decides the range of disparities.
-        farthest: Farthest distance that is kept [m].
-        block: Edge of the compared blocks, pixels, odd.
-        uniqueness: By how many percent the best match must beat the second.
+        nearest: Smallest depth that can be matched [m]: it determines the range of disparities.
+        farthest: Largest depth that is kept [m].
+        block: Edge of the compared blocks, odd [pixels].
+        uniqueness: Margin by which the best match must beat the second [percent].
         speckle_size: Regions of fewer pixels are dropped as mismatches.
         left_right: Largest disagreement of the matches from left and right [pixels].
-        least_texture: Smallest standard deviation of grey in a block that can be matched.
-        body_margin: By how much the robot's shapes are grown where they mask the image [m].
-        exchanged: Images are exchanged that match on more than this many times the pixels the other
-            way round, ...
-        few_matches: ... and on this large a share of all pixels more. It is asked only of images
-            that match on a smaller share.
+        least_texture: Smallest standard deviation of grey levels in a block that can be matched.
+        body_margin: Margin by which the robot's shapes are enlarged to mask the image [m].
+        exchanged: Left and right count as exchanged if, the other way round, more than this many
+            times as many pixels match, ...
+        few_matches: ... plus this fraction of all pixels. Checked only for images of which a
+            smaller fraction matches.
     """
 
     nearest: float = 0.35
@@ -114,7 +114,7 @@ class StereoParameters:
         self.check()
 
     def check(self) -> None:
-        """Raises InputError for distances out of order, or blocks without a middle."""
+        """Raises InputError for distances out of order, or an even block size."""
         if not 0 < self.nearest < self.farthest:
             raise InputError(
                 f"stereo: nearest {self.nearest} must be positive and less than farthest "
@@ -125,7 +125,7 @@ class StereoParameters:
 
 
 def stereo_obstacle_parameters() -> ObstacleParameters:
-    """Returns the obstacle parameters of stereo images: more pixels, each less certain."""
+    """Returns obstacle parameters for stereo images: more pixels, each less certain."""
     return ObstacleParameters(
         cloud=CloudParameters(stride=4, flying_noise=0.004, object_margin=0.02, robot_margin=0.03),
         memory=VoxelMapParameters(depth_noise=0.005),
@@ -246,8 +246,8 @@ def are_exchanged(
     Args:
         left: Rectified grey image (height, width).
         right: Rectified grey image (height, width).
-        rectification: Of the two.
-        parameters: Of the matching.
+        rectification: Their rectification.
+        parameters: Parameters of the matching.
     """
     matched = np.mean(match(left, right, rectification, parameters) > 0)
     other_way = np.mean(match(right, left, rectification, parameters) > 0)
@@ -265,12 +265,12 @@ def match(
     Args:
         left: Rectified grey image (height, width).
         right: Rectified grey image (height, width).
-        rectification: Of the two.
-        parameters: Of the matching.
+        rectification: Their rectification.
+        parameters: Parameters of the matching.
 
     Returns:
         Disparities (height, width) [pixels]; 0 where none was found, where the image has too little
-        texture to believe one, and beyond the nearest and farthest distance.
+        texture, and outside the nearest and farthest depth.
     """
     reach = rectification.intrinsics.focal_x * rectification.baseline
     largest = reach / parameters.nearest + rectification.offset
@@ -292,8 +292,8 @@ def match(
     window = (parameters.block + 4,) * 2
     mean = cv2.boxFilter(left, cv2.CV_32F, window)
     variance = cv2.sqrBoxFilter(left, cv2.CV_32F, window) - np.square(mean)
-    believed = (variance >= parameters.least_texture**2) & (disparity >= smallest)
-    found = np.where(believed & (disparity <= largest), disparity, np.float32(0))
+    is_reliable = (variance >= parameters.least_texture**2) & (disparity >= smallest)
+    found = np.where(is_reliable & (disparity <= largest), disparity, np.float32(0))
     return refine_disparity(left, right, found, parameters)
 
 
@@ -303,17 +303,17 @@ def refine_disparity(
     disparity: Array,
     parameters: StereoParameters,
 ) -> Array:
-    """Brings disparities from about a quarter of a pixel to a few hundredths.
+    """Refines disparities from an error of about a quarter of a pixel to a few hundredths.
 
-    The parabola that semi-global matching fits to its costs is drawn towards whole pixels: on a
+    The parabola that semi-global matching fits to its costs is biased towards whole pixels: for a
     wall 0.9 m away, by 4 mm of depth. Two Gauss-Newton steps on the brightness itself (Lucas and
     Kanade 1981) are not.
 
     Args:
         left: Rectified grey image (height, width).
         right: Rectified grey image (height, width).
-        disparity: Disparities (height, width), pixels, 0 where there is none.
-        parameters: Of the matching.
+        disparity: Disparities (height, width) [pixels], 0 where there is none.
+        parameters: Parameters of the matching.
 
     Returns:
         Disparities; 0 also where the refined one is far from the given one.
@@ -333,7 +333,7 @@ def refine_disparity(
         joint -= mean_slope * cv2.boxFilter(error, -1, window)
         spread = cv2.boxFilter(slope * slope, -1, window) - np.square(mean_slope)
         refined -= np.clip(joint / np.maximum(spread, 1e-3), -0.5, 0.5)
-    # At the edges of things the window sees two depths and runs off.
+    # At object edges the window contains two depths and the refinement diverges.
     kept = (disparity > 0) & (np.abs(refined - disparity) < 0.6)
     return np.where(kept, refined, np.float32(0))
 
@@ -342,8 +342,8 @@ def disparity_to_depth(disparity: Array, rectification: Rectification) -> Array:
     """Computes z = f b / disparity (equation 3.3); 0 where there is no disparity.
 
     Args:
-        disparity: (height, width), pixels, 0 where there is none.
-        rectification: Of the cameras.
+        disparity: (height, width) [pixels], 0 where there is none.
+        rectification: Rectification of the cameras.
 
     Returns:
         Depth image of the rectified left camera (height, width) [m].

@@ -27,13 +27,13 @@ from pepper_drake.perception.stereo.segmentation import (
 
 @dataclass(frozen=True)
 class StereoResult:
-    """A pair of images, understood; all (height, width[, 3]) of the rectified left camera.
+    """Result for a stereo pair of images; all (height, width[, 3]) of the rectified left camera.
 
     Attributes:
-        depth: m; 0 where nothing was matched, and where no thing or the robot is.
-        disparity: Pixels; 0 where nothing was matched.
-        things: 1, 2, ... for the things, 0 for what belongs to none.
-        body: Where the robot's own body may be.
+        depth: [m]; 0 where nothing was matched, outside all segments and on the robot.
+        disparity: [pixels]; 0 where nothing was matched.
+        things: Segment labels 1, 2, ...; 0 outside all segments.
+        body: Mask of the robot's own body with a margin.
         image: The rectified left image.
     """
 
@@ -54,17 +54,17 @@ def compute_stereo_depth(
     parameters: StereoParameters,
     segmentation: SegmentationParameters,
 ) -> StereoResult:
-    """Makes a depth image of things from a pair of raw images.
+    """Computes a depth image of segmented objects from a pair of raw images.
 
     Args:
         left: The left camera's image (height, width[, 3 or 4]), in colour or grey.
-        right: The right camera's.
-        rectification: Of the two.
+        right: The right camera's image.
+        rectification: Rectification of the two.
         X_WC: Pose of the rectified left camera.
         solids: The robot's solids.
         poses: Pose X_WF of each solid's frame.
-        parameters: Of the matching.
-        segmentation: How the image is cut into things.
+        parameters: Parameters of the matching.
+        segmentation: Parameters of the segmentation.
 
     Raises:
         InputError: If an image has another size than its camera, or the two are exchanged.

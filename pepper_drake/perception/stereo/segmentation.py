@@ -1,4 +1,4 @@
-"""Which pixels of a disparity image belong to which thing, and which to the robot itself."""
+"""Segmentation of a disparity image into objects, and the mask of the robot itself."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,14 +22,13 @@ class SegmentationParameters:
     """Parameters of the segmentation of a disparity image.
 
     Attributes:
-        jump: Disparities of neighbouring pixels that differ by more than this are of two things,
-            pixels.
-        lying: Disparities that grow by more than this from row to row are of something that lies,
-            such as a table; less, of something that stands on it. Pixels per row; a table h below
-            the camera has baseline / h.
-        slope_window: Edge of the window in which that is measured, pixels, odd.
-        smallest: Things of fewer pixels are mismatches.
-        closing: Holes narrower than this are closed before things are told apart [pixels].
+        jump: Smallest step of disparity between two objects [pixels].
+        lying: Slope of disparity over rows that separates horizontal surfaces, such as a table
+            (larger), from objects standing on them [pixels per row]; a table h below the camera has
+            baseline / h.
+        slope_window: Edge of the window in which the slope is measured, odd [pixels].
+        smallest: Segments of fewer pixels are mismatches.
+        closing: Holes narrower than this are closed before the segmentation [pixels].
     """
 
     jump: float = 2.0
@@ -44,18 +43,19 @@ def segment_disparity(
     image: npt.NDArray[np.uint8],
     parameters: SegmentationParameters,
 ) -> npt.NDArray[np.int32]:
-    """Cuts a disparity image into things: contours, then watershed on the image.
+    """Segments a disparity image into objects: contours, then watershed on the image.
 
-    Contours are drawn around what has no jump in depth, what lies apart from what stands on it.
-    Watershed then gives each pixel between them to one, by the image's edges.
+    Contours are drawn around regions without depth discontinuities, horizontal surfaces separately
+    from objects standing on them. Watershed then assigns the pixels between them by the image's
+    edges.
 
     Args:
-        disparity: (height, width), pixels, 0 where there is none.
+        disparity: (height, width) [pixels], 0 where there is none.
         image: The rectified left image (height, width, 3), 8 bit.
-        parameters: How to cut.
+        parameters: Parameters of the segmentation.
 
     Returns:
-        Labels (height, width): 1, 2, ... for the things, 0 for what belongs to none.
+        Labels (height, width): 1, 2, ... for the segments, 0 outside all.
     """
     seen = (disparity > 0).astype(np.uint8)
     kernel = np.ones((parameters.closing, parameters.closing), np.uint8)
@@ -73,7 +73,7 @@ def segment_disparity(
         cores = cv2.erode((smooth & kind).astype(np.uint8), small)
         contours, _ = cv2.findContours(cores, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
         large += [c for c in contours if cv2.contourArea(c) >= parameters.smallest]
-    # Watershed's markers: things from 2 on, 1 for the background, 0 where it has to decide.
+    # Watershed's markers: segments from 2, 1 for the background, 0 for undecided pixels.
     markers = np.where(cv2.dilate(closed, kernel) > 0, 0, 1).astype(np.int32)
     for number, contour in enumerate(large):
         cv2.drawContours(markers, [contour], -1, number + 2, cv2.FILLED)
@@ -92,25 +92,25 @@ def body_mask(
 ) -> Mask:
     """Projects a robot's solids into an image: equation 3.4 of the report, for its whole shape.
 
-    Each solid is convex, so the hull of its projected outline is its silhouette.
+    Each solid is convex, so the convex hull of its projected outline is its silhouette.
 
     Args:
         solids: The robot's solids.
         poses: Pose X_WF of each solid's frame F.
         X_WC: The camera's pose.
         intrinsics: The camera.
-        margin: By how much the solids are grown [m].
+        margin: Margin by which the solids are enlarged [m].
 
     Returns:
-        (height, width): the pixels that the robot covers, and those that it might.
+        Mask (height, width) of the pixels that the robot covers, with the margin.
     """
     mask = np.zeros((intrinsics.height, intrinsics.width), np.uint8)
     for solid, X_WF in zip(solids, poses, strict=True):
         X_CS = X_WC.InvertAndCompose(X_WF @ solid.X_FS)
         if solid.signed_distance(X_CS.inverse().translation()[None])[0] <= margin:
-            continue  # The head, in which the camera sits.
+            continue  # The head, which contains the camera.
         outline = (X_CS @ _outline(solid, margin).T).T
-        # A solid that reaches behind the image plane has no silhouette; it is cut off just ahead.
+        # A solid that extends behind the camera is clipped just in front of it.
         outline = _clip_ahead(outline, X_CS.translation())
         if len(outline) < 3:
             continue
@@ -121,12 +121,12 @@ def body_mask(
 
 
 def _outline(solid: Solid, margin: float) -> npt.NDArray[np.float64]:
-    """Points (N, 3), in the solid's frame, whose hull holds the solid and its margin."""
+    """Returns points (N, 3) in the solid's frame whose hull contains it with the margin."""
     shape = solid.shape
     if isinstance(shape, Box):
         half = shape.size() / 2 + margin
         return np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    # A polygon around a circle has to be a little larger than it.
+    # Radius of a polygon circumscribed about a circle.
     grow = 1 / np.cos(np.pi / len(_ROUND))
     circle = np.column_stack([np.cos(_ROUND), np.sin(_ROUND)])
     if isinstance(shape, Cylinder):
@@ -147,7 +147,7 @@ def _outline(solid: Solid, margin: float) -> npt.NDArray[np.float64]:
 def _clip_ahead(
     outline: npt.NDArray[np.float64], center: npt.NDArray[np.float64], nearest: float = 0.02
 ) -> npt.NDArray[np.float64]:
-    """Pulls points behind the image plane onto it, along their line to a point ahead of it."""
+    """Moves points behind the plane z = `nearest` onto it, towards a point in front of it."""
     ahead = outline[:, 2] >= nearest
     if ahead.all():
         return outline

@@ -1,4 +1,4 @@
-"""ALMotion's law for the base: velocities within limits of speed and acceleration, and moves."""
+"""ALMotion's control of the base: velocities within limits of speed and acceleration, and moves."""
 
 import math
 from collections.abc import Mapping
@@ -8,18 +8,18 @@ from pepper_drake.naoqi.constants import BASE_LIMITS, CYCLE
 from pepper_drake.robot_server.robot.robot_port import RobotState
 
 Pose = tuple[float, float, float]
-"""x, y [m] and theta [rad]; of a velocity per second."""
+"""x, y [m] and theta [rad]; for a velocity per second."""
 
 _STILL: Pose = (0.0, 0.0, 0.0)
 
 _PULL = 2.0
-"""Gain on a move's error of position [1/s]."""
+"""Gain on a move's position error [1/s]."""
 
 _NEAR = (0.005, 0.01)
 """Distance and angle from its goal within which a move has arrived [m, rad]."""
 
 _GIVES_UP = 2.0
-"""Time after a move's end at which it has failed [s]."""
+"""Time after a move's nominal end at which it fails [s]."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class BaseSpeeds:
 
     @classmethod
     def configured(cls, settings: Mapping[str, float]) -> "BaseSpeeds":
-        """Returns NAOqi's limits, with settings clipped to what it allows."""
+        """Returns NAOqi's limits, with settings clipped to its ranges."""
 
         def value(key: str) -> float:
             limit = BASE_LIMITS[key]
@@ -43,44 +43,44 @@ class BaseSpeeds:
 
 
 class BaseController:
-    """Velocity of the base.
+    """Velocity control of the base.
 
     Attributes:
-        velocity: Commanded: vx, vy [m/s], wz [rad/s] in the base's frame.
+        velocity: Commanded vx, vy [m/s], wz [rad/s] in the base's frame.
         enabled: Whether the base may move: its wheels are stiff.
     """
 
     def __init__(self) -> None:
         self.velocity: Pose = _STILL
         self.enabled = False
-        self._wanted: Pose = _STILL
+        self._target: Pose = _STILL
         self._speeds = BaseSpeeds.configured({})
 
     def want(self, velocity: Pose, speeds: BaseSpeeds) -> None:
-        """Asks for a velocity, which is limited and reached as fast as the limits allow."""
+        """Sets the wanted velocity, which is reached as fast as the limits allow."""
         self._speeds = speeds
         vx, vy, wz = velocity
         length = math.hypot(vx, vy)
         scale = min(1.0, speeds.speed / length) if length else 1.0
         wz = min(max(wz, -speeds.turning), speeds.turning)
-        self._wanted = (vx * scale, vy * scale, wz)
+        self._target = (vx * scale, vy * scale, wz)
 
     def stop(self) -> None:
-        """Asks for rest."""
-        self._wanted = _STILL
+        """Sets the wanted velocity to zero."""
+        self._target = _STILL
 
     @property
     def resting(self) -> bool:
-        """Returns whether the base neither moves nor should."""
-        return self.velocity == _STILL == self._wanted
+        """Returns whether both commanded and wanted velocity are zero."""
+        return self.velocity == _STILL == self._target
 
     def step(self) -> None:
-        """Changes the velocity within a cycle's acceleration.
+        """Changes the velocity by at most one cycle's acceleration.
 
-        The acceleration is that over the floor: while the base turns, its velocity turns the
-        other way in its frame without being changed.
+        The acceleration is relative to the floor: while the base turns, a constant velocity turns
+        the other way in its frame.
         """
-        wanted = self._wanted if self.enabled else _STILL
+        wanted = self._target if self.enabled else _STILL
         vx, vy, wz = self.velocity
         c, s = math.cos(wz * CYCLE), math.sin(wz * CYCLE)
         vx, vy = c * vx + s * vy, -s * vx + c * vy
@@ -95,7 +95,7 @@ class BaseController:
 
 
 class Odometry:
-    """The base's pose in the world, as its wheels tell it.
+    """The base's pose in the world by wheel odometry.
 
     Attributes:
         pose: x, y [m], theta [rad].
@@ -114,11 +114,11 @@ class VelocityMove:
         self._speeds = speeds
 
     def start(self) -> None:
-        """Asks for the velocity."""
+        """Sets the wanted velocity."""
         self._base.want(self._velocity, self._speeds)
 
     def step(self) -> bool:
-        """Ends when there is nothing to do: the velocity is zero and the base rests."""
+        """Ends if the wanted velocity is zero and the base is at rest."""
         return self._velocity == _STILL and self._base.resting
 
     def stop(self) -> None:
@@ -129,8 +129,8 @@ class VelocityMove:
 class PoseMove:
     """A move along straight lines through poses of the base; a task's motion.
 
-    On each line speed has a trapezoidal law, and turning another over the same time; an error of
-    odometry is made good on the way.
+    Translation and rotation of each leg have trapezoidal profiles of the same duration; odometry
+    errors are corrected during the move.
 
     Attributes:
         goal: The last pose, in the world; known once the move has started.
@@ -148,11 +148,11 @@ class PoseMove:
         """Prepares a move.
 
         Args:
-            base: What is told the velocities.
-            points: Poses to pass through, relative to the base's at the start [m, rad].
+            base: Controller that gets the velocities.
+            points: Poses to pass, relative to the base's initial pose [m, rad].
             speeds: Limits.
-            odometry: Where the base is.
-            duration: Time that the move takes at least [s].
+            odometry: Of the base.
+            duration: Least duration of the move [s].
         """
         self._base = base
         self._points = points
@@ -169,7 +169,7 @@ class PoseMove:
         self.succeeded = False
 
     def start(self) -> None:
-        """Places the poses in the world."""
+        """Computes the poses in the world."""
         self._origin = self._odometry.pose
         x, y, theta = self._origin
         c, s = math.cos(theta), math.sin(theta)
@@ -180,14 +180,14 @@ class PoseMove:
         self._next_leg()
 
     def step(self) -> bool:
-        """Asks for the velocity of this cycle."""
+        """Sets the velocity of this cycle."""
         start, end = self._start, self._stops[self._leg]
         delta = tuple(b - a for a, b in zip(start, end, strict=True))
-        way, turn = math.hypot(*delta[:2]), abs(delta[2])
-        share, _ = self._progress(self._time, way, False)
+        distance, turn = math.hypot(*delta[:2]), abs(delta[2])
+        share, _ = self._progress(self._time, distance, False)
         turned, _ = self._progress(self._time, turn, True)
-        # The command holds over the cycle to come: its speed is that of the cycle's middle.
-        _, rate = self._progress(self._time + CYCLE / 2, way, False)
+        # The command is held over the next cycle: its speed is that of the cycle's middle.
+        _, rate = self._progress(self._time + CYCLE / 2, distance, False)
         _, turning = self._progress(self._time + CYCLE / 2, turn, True)
         reference = (
             start[0] + share * delta[0],
@@ -237,7 +237,7 @@ class PoseMove:
         )
 
     def _progress(self, time: float, distance: float, turning: bool) -> tuple[float, float]:
-        """Returns the share of the way and its rate at a time of this leg."""
+        """Returns the covered share of a distance and its rate at a time of this leg."""
         if distance < 1e-9:
             return 1.0, 0.0
         speed = self._speeds.turning if turning else self._speeds.speed
@@ -249,7 +249,7 @@ class PoseMove:
 
 
 def trapezoid_duration(distance: float, speed: float, acceleration: float) -> float:
-    """Returns the time from rest to rest over a distance [s]."""
+    """Returns the duration of a rest-to-rest motion over a distance [s]."""
     if distance * acceleration < speed**2:
         return 2 * math.sqrt(distance / acceleration)
     return distance / speed + speed / acceleration
@@ -258,7 +258,7 @@ def trapezoid_duration(distance: float, speed: float, acceleration: float) -> fl
 def trapezoid(
     time: float, distance: float, speed: float, acceleration: float
 ) -> tuple[float, float]:
-    """Returns way and speed at a time of a motion from rest to rest over a distance."""
+    """Returns covered distance and speed at a time of a rest-to-rest motion."""
     duration = trapezoid_duration(distance, speed, acceleration)
     peak = min(speed, math.sqrt(distance * acceleration))
     rise = peak / acceleration

@@ -1,4 +1,4 @@
-"""A process of our own that ends with the `with` statement of whoever started it."""
+"""A child process that ends with a `with` statement."""
 
 import multiprocessing
 from abc import ABC, abstractmethod
@@ -8,15 +8,15 @@ from typing import Any, Self
 
 
 class ChildProcess(ABC):
-    """One process, started anew and not forked: a fork would share threads and memory with us."""
+    """One process, spawned and not forked: a fork would share threads and memory."""
 
     def start(self, target: Callable[..., None], arguments: tuple[Any, ...], name: str) -> None:
         """Starts it.
 
         Args:
-            target: What it runs.
+            target: Function that it runs.
             arguments: Given to `target`; they are pickled.
-            name: For whoever looks at the machine's processes.
+            name: In the list of processes.
         """
         self._process = multiprocessing.get_context("spawn").Process(
             target=target, args=arguments, name=name, daemon=True
@@ -24,7 +24,7 @@ class ChildProcess(ABC):
         self._process.start()
 
     def end(self, seconds: float) -> None:
-        """Waits for its end; one that takes longer is killed [s]."""
+        """Waits for its end, and kills it after a timeout [s]."""
         self._process.join(seconds)
         if self._process.is_alive():
             self._process.kill()
@@ -32,7 +32,7 @@ class ChildProcess(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Asks it to end, ends it, and lets go of what is shared with it."""
+        """Requests its end, ends it, and releases shared resources."""
 
     def __enter__(self) -> Self:
         return self

@@ -1,8 +1,8 @@
-"""A map of the floor from the base's lasers: an occupancy grid, and what is found with it.
+"""A map of the floor from the base's lasers: an occupancy grid, with localization and planning.
 
-The grid holds log-odds (Elfes 1989; Thrun et al., Probabilistic Robotics, chapter 9), places are
-explored by frontiers (Yamauchi 1997), and a pose is matched to the map by its likelihood field
-(Thrun et al., chapter 6.4). The map's frame M is the base's at the start of the exploration.
+The grid holds log-odds (Elfes 1989; Thrun et al., Probabilistic Robotics, chapter 9), exploration
+uses frontiers (Yamauchi 1997), and a pose is matched to the map by its likelihood field (Thrun et
+al., chapter 6.4). The map's frame M is the base's at the start of the exploration.
 """
 
 import io
@@ -29,29 +29,29 @@ Pose = Sequence[float] | Vector
 CELL = 0.1
 """Edge of a cell [m]."""
 EXTENT = 50.0
-"""Largest distance from M's origin, along each axis, of what a map holds [m]."""
+"""Largest extent of a map from M's origin along each axis [m]."""
 _HIT, _FREE, _MOST = 1.5, -0.4, 5.0
-"""Log-odds that a ray adds to where it ends, and to where it passes, and their limit."""
+"""Log-odds that a ray adds to its last cell and to the cells it passes, and their limit."""
 _RADIUS = 0.28
 """Radius of the base [m]."""
 _CLEARANCE = _RADIUS + math.sqrt(0.5) * CELL + 0.5 * CELL
-"""Distance that the base's middle keeps from the middle of an occupied cell [m]: what was seen may
-be half of a diagonal nearer, and the pose is known to half of a cell."""
+"""Distance that the base's centre keeps from the centre of an occupied cell [m]: the obstacle may
+be half a diagonal nearer, and the pose is known to half a cell."""
 _MARGIN = 3
-"""Cells of unknown around what is known."""
+"""Margin of unknown cells around the known ones."""
 _LARGEST = 2 * round(EXTENT / CELL) + 2 * _MARGIN + 1
-"""Most rows and columns of a map."""
+"""Largest number of rows or columns of a map."""
 _FARTHEST = 0.6
-"""A hit farther from what the map knows tells nothing of the pose [m]."""
+"""Largest distance of a hit from an occupied cell that counts for the pose [m]."""
 _FEWEST_HITS = 3
 _STEPS = np.diag([CELL / 4, CELL / 4, 0.01])
-"""Steps by which the slope of what a pose leaves is measured [m, rad]."""
+"""Steps of the finite differences by the pose [m, rad]."""
 _SMALLEST_FRONTIER = 3
-"""Cells; a smaller one is a gap between two rays."""
+"""Least number of cells; smaller frontiers are gaps between two rays."""
 _ELSEWHERE = 3 * CELL
-"""From places nearer than this to one where it was no more is seen than from there [m]."""
+"""Places nearer than this to a visited one offer no new view [m]."""
 _AROUND = np.indices((11, 11)).reshape(2, -1).T - 5
-"""Cells that may be within `_CLEARANCE` of another one, relative to it."""
+"""Offsets of the cells that may be within `_CLEARANCE` of a cell."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ class LaserScan:
     """One scan in the base's frame.
 
     Attributes:
-        starts: Where the rays start (N, 2) [m].
-        ends: Where they end (N, 2) [m].
-        hits: Those that hit something (N,).
+        starts: Start points of the rays (N, 2) [m].
+        ends: End points (N, 2) [m].
+        hits: Whether each ray hit something (N,).
     """
 
     starts: Vector
@@ -71,11 +71,11 @@ class LaserScan:
 
 @dataclass(frozen=True)
 class FloorMap:
-    """The grid. It does not change, so that threads may share it: a scan makes another one.
+    """The grid. It is immutable, so that threads may share it: a scan makes a new one.
 
     Attributes:
-        log_odds: Of being occupied (rows, columns), rows along y, columns along x.
-        origin: Least x and y of the grid in M [m].
+        log_odds: Of occupancy (rows, columns), rows along y, columns along x.
+        origin: Lower left corner of the grid, x and y in M [m].
     """
 
     log_odds: Vector = field(default_factory=lambda: np.zeros((1, 1)))
@@ -83,13 +83,13 @@ class FloorMap:
 
     @cached_property
     def is_occupied(self) -> Mask:
-        """Cells (rows, columns) in which something was seen more often than not."""
+        """Occupied cells (rows, columns), with positive log-odds."""
         occupied: Mask = self.log_odds > 0.0
         return occupied
 
     @cached_property
     def is_free(self) -> Mask:
-        """Cells (rows, columns) known to be free; those not occupied either are unknown."""
+        """Cells (rows, columns) known to be free; cells neither free nor occupied are unknown."""
         free: Mask = self.log_odds < 0.5 * _FREE
         return free
 
@@ -101,9 +101,9 @@ class FloorMap:
         return np.asarray(CELL * ndimage.distance_transform_edt(~self.is_occupied))
 
     def with_scan(self, scan: LaserScan, pose: Pose) -> "FloorMap":
-        """Returns the map with a scan that was taken at the base's pose in M.
+        """Returns the map updated with a scan from the base's pose in M.
 
-        What the scan saw beyond `EXTENT` is left out.
+        Points beyond `EXTENT` are left out.
 
         Args:
             scan: The scan.
@@ -115,7 +115,7 @@ class FloorMap:
         shares = np.linspace(0.0, 1.0, int(2 * length / CELL) + 2)[:, None, None]
         passed = grown._cells((starts + shares * (ends - starts)).reshape(-1, 2))
         ended = grown._cells(ends[scan.hits])
-        # Each cell once a scan; where a ray ends none passes.
+        # Each cell counts once per scan; a cell with a ray's end is not passed.
         free = np.unique(grown._inside(passed), axis=0)
         grown.log_odds[free[:, 0], free[:, 1]] += _FREE
         hit = np.unique(grown._inside(ended), axis=0)
@@ -124,19 +124,19 @@ class FloorMap:
         return grown
 
     def percent(self) -> npt.NDArray[np.int64]:
-        """Returns how likely each cell is occupied, 0 to 100, from the top row down: 50 unknown."""
+        """Returns occupancy probabilities from 0 to 100, the top row first; 50 is unknown."""
         return np.rint(100.0 / (1.0 + np.exp(-self.log_odds[::-1]))).astype(np.int64)
 
     def matched(self, scan: LaserScan, pose: Pose) -> tuple[Vector, float]:
-        """Returns the pose near a guess at which a scan's hits lie best on the map.
+        """Returns the pose near a guess at which a scan's hits match the map best.
 
         Args:
             scan: The scan.
             pose: The guess: x, y, theta [m, rad].
 
         Returns:
-            The pose, and the hits' mean distance there from what the map knows, at most 0.6 m
-            each [m]; infinite if the scan or the map has too little for a pose.
+            The pose, and the hits' mean distance there from occupied cells, each limited to 0.6 m
+            [m]; infinite if the scan or the map has too little data.
         """
         hits = scan.ends[scan.hits]
         if not self.is_occupied.any() or len(hits) < _FEWEST_HITS:
@@ -159,11 +159,11 @@ class FloorMap:
         return np.asarray(found.x), float(residuals(found.x).mean())
 
     def contains(self, place: Pose) -> bool:
-        """Returns whether a place, x, y in M [m], is on the grid."""
+        """Returns whether a position x, y in M [m] is on the grid."""
         return bool(len(self._inside(self._cells(np.array([place[:2]], dtype=float)))))
 
     def path(self, start: Pose, goal: Pose) -> list[Vector] | None:
-        """Returns points (2,) in M of a way through what is known to be free; None without one."""
+        """Returns waypoints (2,) in M of a path through known free space, or None."""
         if not (self.contains(start) and self.contains(goal)):
             return None
         free = self._drivable(start)
@@ -177,7 +177,7 @@ class FloorMap:
         return self._traced(free, predecessors, number_of, target, start, place)
 
     def leads_straight(self, start: Pose, end: Pose) -> bool:
-        """Returns whether the straight line between two places is known to be free."""
+        """Returns whether the straight line between two positions is known to be free."""
         if not (self.contains(start) and self.contains(end)):
             return False
         points = np.array([start[:2], end[:2]], dtype=float)
@@ -186,12 +186,12 @@ class FloorMap:
     def frontier(
         self, start: Pose, radius: float, looked_from: Sequence[Vector]
     ) -> list[Vector] | None:
-        """Returns the way to the nearest place from which more may be seen; None without one.
+        """Returns the path to the nearest place that offers a new view, or None.
 
         Args:
-            start: Where the base stands, x, y in M [m].
-            radius: Largest distance of such a place from M's origin [m].
-            looked_from: Places (2,) in M that are no such place any more [m].
+            start: Position of the base, x, y in M [m].
+            radius: Largest distance of the place from M's origin [m].
+            looked_from: Visited places (2,) in M [m].
         """
         if not self.contains(start):
             return None
@@ -200,7 +200,7 @@ class FloorMap:
         labels, number = ndimage.label(edge, np.ones((3, 3)))
         sizes = ndimage.sum_labels(edge, labels, np.arange(number + 1))
         edge &= sizes[labels] >= _SMALLEST_FRONTIER
-        # It sees the edge from where it may stand.
+        # Cells from which the base sees the frontier.
         reach = int(np.ceil((_CLEARANCE + 2 * CELL) / CELL))
         wanted = np.argwhere(free & ndimage.binary_dilation(edge, iterations=reach))
         centres = self._centres(wanted)
@@ -220,13 +220,13 @@ class FloorMap:
 
     @cached_property
     def _has_room(self) -> Mask:
-        """Cells known to be free with enough room around them."""
+        """Free cells with enough clearance."""
         return self.is_free & (self._distance > _CLEARANCE)
 
     def _drivable(self, start: Pose) -> Mask:
-        """Cells that the base may drive over: those with room, and those that lead there.
+        """Cells that the base may drive over: those with clearance, and those that lead there.
 
-        Where it stands nearer to something, it may drive on as long as it comes no nearer.
+        If the base stands too close to something, it may drive on as long as it gets no closer.
         """
         free = self._has_room.copy()
         place = np.array(start[:2], dtype=float)
@@ -240,14 +240,14 @@ class FloorMap:
         return free
 
     def _search(self, free: Mask, start: Pose) -> tuple[npt.NDArray[np.int32], Vector, Cells]:
-        """Dijkstra's search over the eight neighbours of each free cell."""
+        """Dijkstra's search on the 8-connected grid of free cells."""
         number_of = np.cumsum(free).reshape(free.shape) - 1
         rows, columns, costs = [], [], []
         for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
             here = free[: free.shape[0] - dy, max(-dx, 0) : free.shape[1] - max(dx, 0)]
             there = free[dy:, max(dx, 0) : free.shape[1] + min(dx, 0)]
             both = here & there
-            if dy and dx:  # Past a corner there is no way.
+            if dy and dx:  # No diagonal past a corner.
                 both &= free[:-1, 1:] & free[1:, :-1] if dx > 0 else free[:-1, :-1] & free[1:, 1:]
             ours = number_of[: free.shape[0] - dy, max(-dx, 0) : free.shape[1] - max(dx, 0)]
             theirs = number_of[dy:, max(dx, 0) : free.shape[1] + min(dx, 0)]
@@ -272,7 +272,7 @@ class FloorMap:
         start: Pose,
         end: Vector,
     ) -> list[Vector]:
-        """The way to an end in the target, without the points that straight lines make needless."""
+        """Returns the path to an end in the target cell, without needless waypoints."""
         cells = np.argwhere(free)
         numbers = [int(number_of[tuple(target)])]
         while predecessors[numbers[-1]] >= 0:
@@ -287,7 +287,7 @@ class FloorMap:
         return kept
 
     def _sees(self, free: Mask, start: Vector, end: Vector) -> bool:
-        """Returns whether a line is free and has room, or as much as where it starts."""
+        """Returns whether a line is free with enough clearance, or at least its start's."""
         shares = np.linspace(0.0, 1.0, int(4 * np.linalg.norm(end - start) / CELL) + 2)
         points = start + shares[:, None] * (end - start)
         cells = self._cells(points)
@@ -296,7 +296,7 @@ class FloorMap:
         return bool((is_clear & free[cells[:, 0], cells[:, 1]]).all())
 
     def _at(self, values: Vector, points: Vector, outside: float) -> Vector:
-        """Values of cells' middles (rows, columns), interpolated at points (N, 2) in M."""
+        """Interpolates values of cells' centres (rows, columns) at points (N, 2) in M."""
         cells = (points - self.origin) / CELL - 0.5
         found = ndimage.map_coordinates(
             values, cells[:, ::-1].T, order=1, mode="constant", cval=outside
@@ -311,11 +311,11 @@ class FloorMap:
         return self.origin + CELL * (cells[:, ::-1] + 0.5)
 
     def _inside(self, cells: Cells) -> Cells:
-        """Those of some cells (N, 2) that are on the grid."""
+        """Returns those of some cells (N, 2) that are on the grid."""
         return cells[((cells >= 0) & (cells < self.log_odds.shape)).all(axis=1)]
 
     def _grown(self, points: Vector) -> "FloorMap":
-        """Returns a copy with room for points; it stays a square, as programs take it for one."""
+        """Returns a copy with space for points; it stays square, as client programs expect."""
         cells = self._cells(points[np.abs(points).max(axis=1) <= EXTENT])
         rows, columns = self.log_odds.shape
         inside = (cells >= _MARGIN) & (cells < np.array([rows, columns]) - _MARGIN)
@@ -331,7 +331,7 @@ class FloorMap:
 
 
 def write_floor_map(known: FloorMap, path: Path) -> None:
-    """Writes a map, whole or not at all.
+    """Writes a map atomically.
 
     Raises:
         InputError: The folder cannot be written to.
@@ -342,7 +342,7 @@ def write_floor_map(known: FloorMap, path: Path) -> None:
 
 
 def read_floor_map(path: Path) -> FloorMap:
-    """Reads a map that `write_floor_map` wrote.
+    """Reads a map from `write_floor_map`.
 
     Raises:
         InputError: There is no such file, or it holds no map.
@@ -368,21 +368,21 @@ def read_floor_map(path: Path) -> FloorMap:
 
 
 def transformed(pose: Pose, points: Vector) -> Vector:
-    """Returns points (N, 2) of a frame at the pose x, y, theta in the frame of that pose."""
+    """Transforms points (N, 2) by a pose x, y, theta, to the frame in which the pose is given."""
     x, y, theta = pose
     c, s = np.cos(theta), np.sin(theta)
     return points @ np.array([[c, s], [-s, c]]) + (x, y)
 
 
 def composed(first: Pose, second: Pose) -> Vector:
-    """Returns the pose x, y, theta of what is at `second` in a frame that is at `first`."""
+    """Returns the composition x, y, theta of two poses, `second` given in the frame `first`."""
     x, y = transformed(first, np.array([second[:2]], dtype=float))[0]
     theta = first[2] + second[2]
     return np.array([x, y, np.arctan2(np.sin(theta), np.cos(theta))])
 
 
 def inverted(pose: Pose) -> Vector:
-    """Returns the pose of the frame in which a pose is given, in that pose's frame."""
+    """Returns the inverse of a pose."""
     x, y, theta = pose
     c, s = np.cos(theta), np.sin(theta)
     return np.array([-c * x - s * y, s * x - c * y, -theta])

@@ -1,4 +1,4 @@
-"""ALMotion's law for the joints: targets, timed paths, stiffness, limits, at 50 Hz."""
+"""ALMotion's control of the joints: targets, timed paths, stiffness, limits, at 50 Hz."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -13,24 +13,24 @@ from pepper_drake.robot_server.robot.time_laws import ACCELERATION, step_towards
 
 Vector = npt.NDArray[np.float64]
 Sampler = Callable[[float, float], Vector]
-"""From a value and its rate now to its values in the cycles to come."""
+"""From the current value and rate to the values of the next cycles."""
 
 INDEX: dict[str, int] = {name: k for k, name in enumerate(JOINTS)}
-"""Place of a joint among the 17."""
+"""Index of a joint among the 17."""
 
 ARRIVED = 1e-9
 """Distance below which a command has arrived [rad]."""
 
 STIFFNESS = "/Stiffness"
-"""Suffix of a joint's name that makes it the resource of its stiffness."""
+"""Suffix of a joint's name for the resource of its stiffness."""
 
 
 class JointController:
     """Commands of the 17 joints.
 
-    Each cycle a joint's command goes towards its target, unless a task drives it along a path.
+    Each cycle a joint's command moves towards its target, unless a task drives it along a path.
     The command keeps the position limits, the yaw-coupled ones included, and the largest speed.
-    A limp joint's command is where the joint is; it has no target but that.
+    A limp joint's command and target are its measured position.
 
     Attributes:
         command: Commanded positions (17,) [rad; hands 0..1].
@@ -48,9 +48,9 @@ class JointController:
         self._behind: set[int] = set()
 
     def set_targets(self, targets: Mapping[str, float], fraction: float) -> None:
-        """Sends joints to targets [rad] at a fraction of their largest speed, from now on.
+        """Sets targets of joints [rad] at a fraction of their largest speed, from now on.
 
-        A joint that is limp now takes no target.
+        A joint that is limp gets no target.
         """
         indices = [INDEX[name] for name in targets if self.stiffness[INDEX[name]] > 0.0]
         wanted = self._target.copy()
@@ -60,7 +60,7 @@ class JointController:
         self._speed[indices] = fraction * MAX_VELOCITY[indices]
 
     def drive(self, name: str, value: float) -> None:
-        """Puts a joint's command at a value in this cycle, as a task's path has it [rad]."""
+        """Sets a joint's command in this cycle to a value of a task's path [rad]."""
         self._driven[INDEX[name]] = value
 
     def halt(self, names: Sequence[str]) -> None:
@@ -75,7 +75,7 @@ class JointController:
         self.stiffness[INDEX[name]] = min(max(value, 0.0), 1.0)
 
     def arrived(self, name: str, value: float) -> bool:
-        """Returns whether a joint is limp or its command is at a value, limits aside."""
+        """Returns whether a joint is limp or its command is at a value, clipped to its limits."""
         k = INDEX[name]
         wanted = self.command.copy()
         wanted[k] = value
@@ -84,7 +84,7 @@ class JointController:
         )
 
     def step(self, state: RobotState) -> None:
-        """Makes the commands of the next cycle, after the tasks have driven their joints."""
+        """Computes the commands of the next cycle, after the tasks have driven their joints."""
         position, _ = step_towards(
             self.command, self.velocity, self._target, self._speed, ACCELERATION
         )
@@ -107,7 +107,7 @@ class JointController:
         self._driven.clear()
 
     def _chase(self, k: int, value: float) -> float:
-        """Returns where a joint comes that a path has left behind, at its largest speed."""
+        """Returns the next command of a joint that lags behind its path, at its largest speed."""
         at = slice(k, k + 1)
         position, _ = step_towards(
             self.command[at],
@@ -126,7 +126,7 @@ class JointController:
 class PathMotion:
     """Joints that follow timed paths; a task's motion.
 
-    The paths are made when the task starts, from where the joints are then.
+    The paths are made when the task starts, from the joints' commands at that time.
     """
 
     def __init__(self, controller: JointController, samplers: Mapping[str, Sampler]) -> None:
@@ -136,15 +136,15 @@ class PathMotion:
         self._cycle = 0
 
     def start(self) -> None:
-        """Makes the paths."""
+        """Computes the paths."""
         for name, sampler in self._samplers.items():
             k = INDEX[name]
             self._paths[name] = sampler(self._controller.command[k], self._controller.velocity[k])
 
     def step(self) -> bool:
-        """Drives each joint to its next sample; the last cycle is that in which all have arrived.
+        """Drives each joint to its next sample; ends when all have arrived.
 
-        A path faster than the joint leaves it behind; the joint then comes after.
+        A joint slower than its path catches up later.
         """
         length = max(map(len, self._paths.values()), default=0)
         done = self._cycle >= length and all(
@@ -162,7 +162,7 @@ class PathMotion:
         self._controller.halt(list(self._paths))
 
     def release(self, name: str) -> None:
-        """Leaves a joint to a target that came meanwhile."""
+        """Drops a joint's path in favour of a newer target."""
         self._paths.pop(name, None)
 
 
@@ -176,7 +176,7 @@ class StiffnessMotion:
         self._cycle = 0
 
     def start(self) -> None:
-        """Makes the ramps."""
+        """Computes the ramps."""
         for name, sampler in self._samplers.items():
             self._paths[name] = sampler(float(self._controller.stiffness[INDEX[name]]), 0.0)
 
@@ -188,13 +188,13 @@ class StiffnessMotion:
         return self._cycle >= max(map(len, self._paths.values()))
 
     def stop(self) -> None:
-        """Leaves the stiffnesses where they are."""
+        """Leaves the stiffnesses unchanged."""
 
 
 def retarget(
     controller: JointController, tasks: TaskManager, targets: Mapping[str, float], fraction: float
 ) -> None:
-    """Sends joints to targets at once; a path that drives one of them loses that joint."""
+    """Sets targets of joints at once; running paths drop these joints."""
     for task in tasks.tasks():
         if isinstance(task.motion, PathMotion) and task.state is TaskState.RUNNING:
             for name in targets:

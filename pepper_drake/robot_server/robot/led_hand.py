@@ -1,4 +1,4 @@
-"""A person's hand that leads a hand of the served robot."""
+"""A person's hand that guides a hand of the served robot."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,20 +16,20 @@ from pepper_drake.systems.guiding.hand_guide import HandGuideParams, guide_force
 from pepper_drake.systems.guiding.velocity_guide import GuideLimits, step_guide
 
 _FOLLOWING = {"time_constant": 0.15, "max_speed": 0.35, "max_turn_rate": 1.5}
-"""Motion of the person's hand to where it is told [s, m/s, rad/s]."""
+"""Motion of the person's hand to its target [s, m/s, rad/s]."""
 
 
 class LedHand:
-    """A person's hold on a hand: a spring and a damper from a guide that follows a target.
+    """A person's hold on a hand: a spring-damper from a guide that follows a target.
 
-    The guide's pose is the only state; it begins where the hand is.
+    The guide's pose is the only state; it starts at the hand's pose.
     """
 
     def __init__(self, plant: MultibodyPlant, time_step: float) -> None:
         """Finds the hands.
 
         Args:
-            plant: The robot's, finalized.
+            plant: Of the robot, finalized.
             time_step: Time between two steps [s].
         """
         self._time_step, self._params = time_step, HandGuideParams()
@@ -40,7 +40,7 @@ class LedHand:
         self._arm, self._guide = "", RigidTransform()
 
     def let_go(self) -> None:
-        """Lets the hand go; the next hold begins where the hand then is."""
+        """Releases the hand; the next hold starts at the hand's pose at that time."""
         self._arm = ""
 
     def step(
@@ -55,8 +55,8 @@ class LedHand:
 
         Args:
             arm: "left" or "right".
-            target: (6,) Pose of the hand in T: x, y, z [m], roll, pitch, yaw [rad]; the angles are
-                NaN where the hand may turn freely.
+            target: (6,) Pose of the hand in T: x, y, z [m], roll, pitch, yaw [rad]; NaN angles
+                leave the orientation free.
             X_WT: Pose of the torso.
             body_poses: X_WB of the plant's bodies.
             body_velocities: V_WB of the plant's bodies.

@@ -1,8 +1,8 @@
-"""Sonars and lasers of the base: rays cast against what stands in the scene.
+"""Sonars and lasers of the base: rays cast against the scene.
 
-Places are those of Pepper's description (ROS `pepper_description`), rates and cones the maker's.
-A laser has 15 rays over 60 degrees, told as the place that each hits in the sensor's frame, from
-left to right. A ray that hits nothing ends beyond what the laser sees, which is assumed.
+Positions are those of Pepper's description (ROS `pepper_description`), rates and cones the maker's.
+A laser has 15 rays over 60 degrees, given as hit points in the sensor's frame, from left to right.
+A ray without a hit ends beyond the laser's range, which is assumed.
 """
 
 import math
@@ -31,7 +31,7 @@ PERIOD = 0.16
 
 _LASERS = {"Front": (0.0562, 0.0, 0.0), "Left": (-0.018, 0.0899, 1.757),
            "Right": (-0.018, -0.0899, -1.757)}  # fmt: skip
-"""Place [m] and direction [rad] of each laser in the base."""
+"""Position x, y [m] and direction [rad] of each laser in the base."""
 _LASER_HEIGHT = 0.0333
 _LASER_RAYS = 15
 _LASER_CONE = math.radians(60.0)
@@ -59,8 +59,9 @@ class _Solid:
 
     Attributes:
         half_size: Half of its extent along x, y, z of G [m].
-        round_axes: Axes across which it is round: 3 for a sphere, 2 for a cylinder along z.
-        X_GS: Pose of the frame in which the extent is given.
+        round_axes: Number of axes of its round cross-section: 3 for a sphere, 2 for a cylinder
+            along z.
+        X_GS: Pose of the frame of the extent.
     """
 
     half_size: Vector
@@ -72,7 +73,7 @@ class RangeSensors:
     """Distances to everything that is not Pepper."""
 
     def __init__(self, inspector: SceneGraphInspector, robot: set[GeometryId]) -> None:
-        """Looks up what stands in the scene.
+        """Looks up the solids of the scene.
 
         Args:
             inspector: Of the scene.
@@ -96,7 +97,7 @@ class RangeSensors:
         """Returns the values of `MEASURED` [m].
 
         Args:
-            query: Of the scene as it is now.
+            query: Of the scene's current state.
             base_pose: x, y [m] and yaw [rad] of the base in the world.
         """
         x, y, yaw = base_pose
@@ -119,7 +120,7 @@ class RangeSensors:
 
 
 def laser_scan(ranges: Mapping[str, float]) -> LaserScan | None:
-    """Returns what the lasers saw, from the values by name; None where they measured nothing."""
+    """Returns the lasers' scan from the values by name, or None without measurements."""
     if any(name not in ranges for name in _SEGMENTS):
         return None
     places = np.array([ranges[name] for name in _SEGMENTS]).reshape(-1, _LASER_RAYS, 2)
@@ -131,10 +132,10 @@ def laser_scan(ranges: Mapping[str, float]) -> LaserScan | None:
 
 
 def cast_rays(origins: Vector, directions: Vector, solid: _Solid) -> Vector:
-    """Returns how far each ray goes until it hits a solid, infinite where it does not [m].
+    """Returns the distance of each ray to a solid [m], infinite without a hit.
 
-    The ray is in the solid between the largest of the distances at which it enters what bounds
-    the solid and the smallest of those at which it leaves.
+    A ray is inside the solid between its largest entry and its smallest exit distance of the
+    bounding slabs and the round cross-section.
 
     Args:
         origins: In the solid's frame (N, 3) [m].
@@ -168,7 +169,7 @@ def cast_rays(origins: Vector, directions: Vector, solid: _Solid) -> Vector:
 
 
 def _has_surface(inspector: SceneGraphInspector, geometry: GeometryId) -> bool:
-    """Returns whether a ray can hit it: the floor, a half space, lies below all rays."""
+    """Returns whether a ray can hit a geometry: not the floor, a half space below all rays."""
     shape = inspector.GetShape(geometry)
     return isinstance(shape, Box | Cylinder | Sphere) or (
         inspector.GetObbInGeometryFrame(geometry) is not None
@@ -184,6 +185,6 @@ def _solid(inspector: SceneGraphInspector, geometry: GeometryId) -> _Solid:
         return _Solid(half, 2, RigidTransform())
     if isinstance(shape, Box):
         return _Solid(np.array(shape.size()) / 2, 0, RigidTransform())
-    # Of a mesh, the box around it.
+    # A mesh is its bounding box.
     box = inspector.GetObbInGeometryFrame(geometry)
     return _Solid(np.array(box.half_width()), 0, box.pose())

@@ -57,7 +57,7 @@ def _read_limits() -> dict[str, JointLimits]:
             float(limit.get(key, "nan")) for key in ("lower", "upper", "velocity", "effort")
         )
         limits[str(joint.get("name"))] = JointLimits(lower, upper, velocity, effort)
-    # The model's hands and wheels are fixed; these are the robot's (hand and wheel motor).
+    # Hands and wheels are fixed in the model; these are the robot's motor limits.
     limits |= dict.fromkeys(HANDS, JointLimits(0.0, 1.0, 12.56, 0.144))
     limits |= dict.fromkeys(WHEELS, JointLimits(0.0, 0.0, 6.28319, 3.25))
     return limits
@@ -78,7 +78,7 @@ _ELBOWS = {
 
 
 def clip_to_limits(positions: Vector) -> Vector:
-    """Returns joint positions (17,) moved into all limits, the yaw-coupled ones included."""
+    """Returns joint positions (17,) clipped to all limits, including the yaw-coupled ones."""
     clipped = np.clip(positions, LOWER, UPPER)
     yaw, pitch = _HEAD
     lower, upper = head_pitch_limits(float(clipped[yaw]))
@@ -139,21 +139,20 @@ _SENSORS: dict[str, tuple[str, tuple[float, float, float], tuple[float, float, f
 }
 
 SENSOR_NAMES: tuple[str, ...] = tuple(_SENSORS)
-"""Sensors whose place `getPosition` tells."""
+"""Sensors whose position `getPosition` returns."""
 
 # The leg's effector: below the knee, between the wheels, at the floor.
 _LEG = ("Tibia", (-0.0062, 0.0, -0.334))
 
 
 class UnknownFrameError(KeyError):
-    """A name that is no joint, effector or sensor."""
+    """A name that is not a joint, effector or sensor."""
 
 
 class Kinematics:
     """Poses of Pepper's frames by NAOqi's names.
 
-    The model hangs on its base: frame "robot" is the base's, on the floor, and "world" is where
-    odometry began.
+    Frame "robot" is the base's, on the floor, and "world" is the base's at the start of odometry.
     """
 
     def __init__(self) -> None:
@@ -172,7 +171,7 @@ class Kinematics:
         """Computes the pose of a joint, effector or sensor.
 
         Args:
-            name: NAOqi's name of it.
+            name: Its NAOqi name.
             frame: FRAME_TORSO, FRAME_WORLD or FRAME_ROBOT.
             positions: Joint positions (17,) [rad].
             base_pose: Base in the world: x, y [m], theta [rad].
@@ -182,7 +181,7 @@ class Kinematics:
 
         Raises:
             UnknownFrameError: There is no such frame.
-            ValueError: `frame` is none of the three.
+            ValueError: `frame` is not one of the three.
         """
         link, X_LF = self._find(name)
         q = self._plant.GetPositions(self._context)
@@ -209,7 +208,7 @@ class Kinematics:
     def center_of_mass(
         self, name: str, frame: int, positions: Vector, base_pose: tuple[float, float, float]
     ) -> Vector:
-        """Computes where the mass of `mass` is (3,) in a frame [m]; arguments as of `transform`."""
+        """Returns the centre of mass (3,) in a frame [m]; arguments as of `mass`, `transform`."""
         X_WF = self.transform("Torso", FRAME_WORLD, positions, base_pose) @ (
             self.transform("Torso", frame, positions, base_pose).inverse()
         )
@@ -252,7 +251,7 @@ class Kinematics:
 
 @lru_cache(maxsize=1)
 def kinematics() -> Kinematics:
-    """Returns the one kinematic model of a process."""
+    """Returns the kinematic model, one per process."""
     return Kinematics()
 
 

@@ -1,7 +1,7 @@
-"""The robot as the services see it: its state, its commands, its images, its clock.
+"""The robot for the services: its state, commands, images and clock.
 
-`RobotPort` is all that ALMotion, ALMemory and ALVideoDevice know of a robot. `KinematicRobot` is
-one without dynamics, in virtual time; the simulator process stands behind another.
+`RobotPort` is the interface of ALMotion, ALMemory and ALVideoDevice to a robot. `KinematicRobot`
+has no dynamics, and runs in virtual time; `SimulatedRobot` is the simulator's process.
 
 Joints are always the 17 of `pepper_drake.naoqi.constants.JOINTS`, in that order; hands run from
 0 (closed) to 1 (open). Times are the robot's clock [s since the epoch].
@@ -32,7 +32,7 @@ SENSORS: tuple[str, ...] = (
     "Platform/FrontRight/Bumper",
     "Platform/Back/Bumper",
 )
-"""Sensors that are touched or not, by NAOqi's device name."""
+"""Touch sensors by NAOqi's device name."""
 
 
 @dataclass(frozen=True)
@@ -40,15 +40,14 @@ class RobotState:
     """The robot's measurements at one time.
 
     Attributes:
-        time: When, by the robot's clock [s].
+        time: Time by the robot's clock [s].
         positions: Measured joint positions (17,) [rad; hands 0..1].
         velocities: Measured joint velocities (17,) [rad/s].
         base_pose: Base in the world by odometry: x, y [m], theta [rad].
         base_velocity: Base's velocity in its own frame: vx, vy [m/s], wz [rad/s].
-        currents: Motor currents (17,) [A], or None where they are not simulated.
+        currents: Motor currents (17,) [A], or None if not simulated.
         touched: Those of `SENSORS` that are touched.
-        ranges: Distances by device name, such as "Platform/Front/Sonar" [m]; only those that were
-            measured.
+        ranges: Measured distances by device name, such as "Platform/Front/Sonar" [m].
     """
 
     time: float
@@ -63,7 +62,7 @@ class RobotState:
 
 @dataclass(frozen=True)
 class RobotCommand:
-    """ALMotion's command to the motors, made anew each cycle.
+    """ALMotion's command to the motors in one cycle.
 
     Attributes:
         positions: Commanded joint positions (17,) [rad; hands 0..1].
@@ -78,12 +77,12 @@ class RobotCommand:
 
 @dataclass(frozen=True)
 class CameraImage:
-    """An image as its camera took it.
+    """An image of a camera.
 
     Attributes:
-        time: When it was taken, by the robot's clock [s].
+        time: Capture time by the robot's clock [s].
         pixels: (height, width, 3) RGB of uint8, or (height, width) of float32: depth along the
-            optical axis [m], 0 or infinite where it is unknown.
+            optical axis [m], 0 or infinite where unknown.
     """
 
     time: float
@@ -100,28 +99,28 @@ class RobotPort(Protocol):
         """Passes a command to the motors."""
 
     def want_image(self, camera: int, width: int, height: int, fps: float) -> None:
-        """Asks a camera for images of at least a size at a rate; 0 pixels at 0 fps: no more."""
+        """Requests images of a camera of at least a size at a rate; 0 fps ends them."""
 
     def image(self, camera: int) -> CameraImage | None:
-        """Returns a camera's newest image, of whatever size it has, or None.
+        """Returns a camera's newest image, of any size, or None.
 
-        None before the first that was taken since the camera was asked: no image is from before.
+        None before the first image captured since the request.
         """
 
 
 @dataclass
 class KinematicRobot:
-    """A robot whose stiff joints stand where they are told, for tests and without a clock.
+    """A robot whose stiff joints take their commands, for tests, without a clock.
 
-    Time passes only by `advance`. A limp joint stays where it is, or where `lead` puts it. A
-    stiff one follows by its stiffness: `follow` is the share of the way at stiffness 1.
+    Time passes only by `advance`. A limp joint stays, or is moved by `lead`. A stiff one covers a
+    share of the distance to its command each cycle: `follow` times its stiffness.
 
     Attributes:
         now: The robot's clock [s].
-        follow: Share of the way to the command that a joint goes in a cycle, from 0 to 1.
+        follow: Share of the distance to the command covered in a cycle, from 0 to 1.
         images: Image by camera id.
-        wanted: What `want_image` asked for, by camera id.
-        commands: Every command that came, oldest first.
+        wanted: Requests of `want_image` by camera id.
+        commands: All commands, oldest first.
     """
 
     now: float = 1_500_000_000.0
@@ -152,11 +151,11 @@ class KinematicRobot:
         )
 
     def command(self, command: RobotCommand) -> None:
-        """Keeps a command, which `advance` obeys."""
+        """Stores a command for `advance`."""
         self.commands.append(command)
 
     def want_image(self, camera: int, width: int, height: int, fps: float) -> None:
-        """Keeps what is asked for."""
+        """Stores the request."""
         if fps > 0:
             self.wanted[camera] = (width, height, fps)
         else:
@@ -167,7 +166,7 @@ class KinematicRobot:
         return self.images.get(camera)
 
     def advance(self, duration: float) -> None:
-        """Lets time pass under the newest command [s]."""
+        """Advances time by a duration [s] under the newest command."""
         self.now += duration
         if not self.commands:
             return
@@ -188,7 +187,7 @@ class KinematicRobot:
         )
 
     def lead(self, positions: Mapping[str, float]) -> None:
-        """Puts joints somewhere by hand [rad]."""
+        """Moves joints by hand to positions [rad]."""
         for name, value in positions.items():
             self._positions[JOINTS.index(name)] = value
 
@@ -197,11 +196,11 @@ class KinematicRobot:
         self._touched = frozenset(sensors)
 
     def measure(self, ranges: Mapping[str, float]) -> None:
-        """Lets devices measure these distances [m] and no others."""
+        """Sets the measured distances by device [m]."""
         self._ranges = dict(ranges)
 
 
 def _inside(name: str) -> float:
-    """Returns the position within a joint's limits that is nearest zero."""
+    """Returns the position within a joint's limits nearest to zero."""
     limits = JOINT_LIMITS[name]
     return 0.5 if name in HANDS else min(max(0.0, limits.lower), limits.upper)

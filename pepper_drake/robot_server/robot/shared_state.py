@@ -1,7 +1,7 @@
 """State, commands and images shared by two processes without a lock.
 
-Each block has one writer. A count before and after its content (a seqlock) tells a reader that
-the content changed while it was copied; it then copies again.
+Each block has one writer. Counters before and after its content (a seqlock) tell a reader that
+the content changed during its copy; it then copies again.
 """
 
 import itertools
@@ -16,21 +16,21 @@ import numpy.typing as npt
 Record = npt.NDArray[np.void]
 
 _SPINS = 20
-"""Copies that are made at once before the writer is waited for."""
+"""Attempts before the reader waits for the writer."""
 _PAUSE = 0.0002
 _LONGEST_WRITE = 2.0
-"""Time after which a write that has begun is taken for one that will never end [s]."""
+"""Timeout of an unfinished write [s]."""
 
 
 class SharedRecord:
     """One record of a structured dtype in shared memory, with one writer."""
 
     def __init__(self, dtype: np.dtype[Any], name: str | None = None) -> None:
-        """Makes the record, or opens the one of a name.
+        """Creates the record, or opens an existing one.
 
         Args:
             dtype: Layout of the content.
-            name: As `name` of the process that made it; None to make one.
+            name: The creating process's `name`; None to create one.
         """
         self._dtype = np.dtype([("before", np.int64), ("content", dtype), ("after", np.int64)])
         self._memory = shared_memory.SharedMemory(name, name is None, self._dtype.itemsize)
@@ -41,7 +41,7 @@ class SharedRecord:
 
     @property
     def name(self) -> str:
-        """Name under which another process opens it."""
+        """Name for another process to open it."""
         return self._memory.name
 
     @property
@@ -58,7 +58,7 @@ class SharedRecord:
         self._record["after"] = number
 
     def read_at_once(self) -> Record | None:
-        """Returns a copy of the content, None while it is being written: nobody is waited for."""
+        """Returns a copy of the content without waiting, None while it is being written."""
         for _ in range(_SPINS):
             after = int(self._record["after"])
             content = self._record["content"].copy()
@@ -67,7 +67,7 @@ class SharedRecord:
         return None
 
     def read(self) -> Record:
-        """Returns a copy of the content as it was at one moment.
+        """Returns a consistent copy of the content.
 
         Raises:
             RuntimeError: The writer stopped in the middle of a write.
@@ -79,14 +79,14 @@ class SharedRecord:
             if int(self._record["before"]) == after == int(self._record["after"]):
                 return np.asarray(content)
             if tries > _SPINS:
-                # The writer was interrupted in the middle, and may need this processor to go on.
+                # The writer was interrupted, and may need this processor to continue.
                 if time.monotonic() > end:
                     break
                 time.sleep(_PAUSE)
         raise RuntimeError("the other process stopped while it wrote")
 
     def close(self) -> None:
-        """Lets the memory go; who made it removes it."""
+        """Releases the memory; its creator removes it."""
         del self._record
         self._memory.close()
         if self._owner:

@@ -1,6 +1,6 @@
-"""The robot behind the services: a simulator in a process of its own, seen through shared memory.
+"""The robot of the services: a simulator in its own process, behind shared memory.
 
-A process, not a thread: beside a simulation in the same interpreter the server would answer late.
+It is not a thread: beside a simulation in the same interpreter the server would answer late.
 """
 
 import time
@@ -30,26 +30,26 @@ from pepper_drake.robot_server.robot.simulator import (
 )
 
 _START_SECONDS = 120.0
-"""The simulator must have its first state by then [s]."""
+"""Timeout of the simulator's first state [s]."""
 _END_SECONDS = 5.0
 _FARTHEST_POSE = 10.0
-"""Largest coordinate of a place that a hand is led to [m, rad]."""
+"""Largest coordinate of a pose to which a hand is guided [m, rad]."""
 
 
 class SimulatedRobot(ChildProcess):
-    """A `RobotPort` on a simulator's process; a context manager that ends it."""
+    """A `RobotPort` to a simulator's process; a context manager that ends it."""
 
     def __init__(self, config: SimulatorConfig) -> None:
         """Starts the process; `wait_until_ready` waits for its first state.
 
         Args:
-            config: The robot.
+            config: Of the simulator.
         """
         self._state = SharedRecord(STATE)
         self._command = SharedRecord(COMMAND)
         self._images = [SharedRecord(IMAGE) for _ in CAMERAS]
         self._enabled = [False] * len(CAMERAS)
-        self._asked = [0] * len(CAMERAS)
+        self._seen_writes = [0] * len(CAMERAS)
         self._goal_moves_itself = bool(config.scene.goal.path)
         names = SharedNames(
             self._state.name, self._command.name, tuple(image.name for image in self._images)
@@ -72,7 +72,7 @@ class SimulatedRobot(ChildProcess):
         """Raises if the simulation ended.
 
         Raises:
-            PepperDrakeError: It did; the sentence says why.
+            PepperDrakeError: It did; the message says why.
         """
         if self._process.is_alive():
             return
@@ -80,7 +80,7 @@ class SimulatedRobot(ChildProcess):
         raise PepperDrakeError(f"the simulation cannot continue: {failure}")
 
     def record(self) -> Record:
-        """Returns the newest state with what no robot knows, such as the goal's true place."""
+        """Returns the newest state with ground truth, such as the goal's true position."""
         return self._state.read()
 
     def state(self) -> RobotState:
@@ -109,21 +109,21 @@ class SimulatedRobot(ChildProcess):
         )
 
     def want_image(self, camera: int, width: int, height: int, fps: float) -> None:
-        """Switches a camera on or off; see `RobotPort`. Its images have the size that they have."""
+        """Switches a camera on or off; see `RobotPort`. Its image size is fixed."""
         if camera not in CAMERAS:
             return
         index = list(CAMERAS).index(camera)
         if fps > 0 and not self._enabled[index]:
-            self._asked[index] = self._images[index].writes
+            self._seen_writes[index] = self._images[index].writes
         self._enabled[index] = fps > 0
         self._command.write(enabled=self._enabled)
 
     def image(self, camera: int) -> CameraImage | None:
-        """Returns a camera's newest image since it was asked for one; see `RobotPort`."""
+        """Returns a camera's newest image since the request; see `RobotPort`."""
         if camera not in CAMERAS:
             return None
         index = list(CAMERAS).index(camera)
-        if self._images[index].writes <= self._asked[index]:
+        if self._images[index].writes <= self._seen_writes[index]:
             return None
         image = self._images[index].read()
         height, width = int(image["height"]), int(image["width"])
@@ -135,7 +135,7 @@ class SimulatedRobot(ChildProcess):
         return CameraImage(float(image["time"]), color)
 
     def move_goal(self, offset: Sequence[float]) -> None:
-        """Moves the goal object, as a person would, to an offset (3,) in W from its place [m].
+        """Moves the goal object, as a person would, to an offset (3,) in W from its pose [m].
 
         Raises:
             ValueError: The goal moves by itself.
@@ -145,12 +145,12 @@ class SimulatedRobot(ChildProcess):
         self._command.write(goal_offset=offset)
 
     def lead_hand(self, arm: str, pose: Sequence[float]) -> None:
-        """Leads a hand, as a person does: pulls it, softly and slowly, to where it should be.
+        """Guides a hand, as a person does: pulls it, softly and slowly, to a pose.
 
         Args:
             arm: "left" or "right"; a limp one follows.
-            pose: (3,) place of the hand in T [m], and it turns freely, or (6,) with roll, pitch,
-                yaw [rad].
+            pose: (3,) position of the hand in T [m], its orientation free, or (6,) with roll,
+                pitch, yaw [rad].
 
         Raises:
             ValueError: There is no such arm, or no such pose.
@@ -164,7 +164,7 @@ class SimulatedRobot(ChildProcess):
         self._command.write(led_arm=arm, led_pose=led_pose)
 
     def let_go(self) -> None:
-        """Lets go of the hand that is led."""
+        """Releases the guided hand."""
         self._command.write(led_arm="")
 
     def touch(self, *sensors: str) -> None:
@@ -179,7 +179,7 @@ class SimulatedRobot(ChildProcess):
         self._command.write(held_sensors=[sensor in sensors for sensor in SENSORS])
 
     def close(self) -> None:
-        """Ends the simulator and lets the shared memory go."""
+        """Ends the simulator and releases the shared memory."""
         self._command.write(stop=True)
         self.end(_END_SECONDS)
         for record in (self._state, self._command, *self._images):

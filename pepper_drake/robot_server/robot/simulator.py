@@ -1,7 +1,8 @@
-"""The simulator's process: a `PepperStation` advanced with the clock in slices of 20 ms.
+"""The simulator's process: a `PepperStation` advanced in real time in steps of 20 ms.
 
-It obeys the newest command in shared memory, and leaves states and images there. Where the
-machine is too slow, the robot's clock slows with the simulation, so that all stamps agree.
+It follows the newest command in shared memory, and publishes states and images there. If the
+machine is too slow, the robot's clock slows down with the simulation, so that all time stamps
+agree.
 """
 
 import math
@@ -35,18 +36,18 @@ from pepper_drake.systems.sensing.camera_model import Frame
 
 CAMERAS = {TOP: "camera_top", BOTTOM: "camera_bottom", DEPTH: "camera_depth"}
 LARGEST_IMAGE = 1280 * 960 * 4
-"""Bytes kept for an image."""
+"""Size of an image's buffer [bytes]."""
 SLOWEST_SHOWN = 0.98
-"""Rate of the robot's clock below which it is said to be slow."""
+"""Rate of the robot's clock below which it is reported as slow."""
 LATENCY = 0.9
-"""Share of the time between two images after which one is out: until then it may be rendered beside
-the simulation, which need not wait."""
+"""Latency of an image as a share of its period: meanwhile it may be rendered in parallel with the
+simulation, which need not wait."""
 _LIMP_JOINTS = tuple(
     name for group in ("head", "left_arm", "right_arm") for name in JOINT_GROUPS[group]
 )
-"""Joints that go limp; the wheels and the leg are always stiff, or Pepper would fall."""
+"""Joints that can go limp; wheels and leg are always stiff, or Pepper would fall."""
 _GOAL_MOTION = {"time_constant": 0.2, "max_speed": 0.2}
-"""Motion of a goal that somebody moves: smooth, up to a speed [s, m/s]."""
+"""Smooth motion of a goal that somebody moves: time constant [s] and largest speed [m/s]."""
 _LEADING_STEP = 0.005
 """Time for which a person's force at a hand is held [s]."""
 _HAND_ROWS = [JOINTS.index(name) for name in HANDS]
@@ -60,7 +61,7 @@ _MOTORS = {
     "HipPitch": (36.9e-3, 108.33),
     "KneePitch": (36.9e-3, 108.33),
 }
-"""Torque constant [N m/A] and gear ratio of the joints whose names end so; the longest counts."""
+"""Torque constant [N m/A] and gear ratio by suffix of the joint's name; the longest counts."""
 _PALMS = {"l_wrist": "LHand/Touch/Back", "r_wrist": "RHand/Touch/Back"}
 
 STATE = np.dtype(
@@ -95,8 +96,8 @@ COMMAND = np.dtype(
         ("stop", "?"),
     ]
 )
-"""Newest command. `led_arm` is the one that a person leads, "" for none, and `led_pose` where to:
-x, y, z, roll, pitch, yaw of its hand in T [m, rad], the angles NaN where it may turn freely."""
+"""Newest command. `led_arm` is the one that a person guides, "" for none, and `led_pose` the target
+of its hand: x, y, z, roll, pitch, yaw in T [m, rad], NaN angles for a free orientation."""
 IMAGE = np.dtype(
     [("time", "f8"), ("width", "i4"), ("height", "i4"), ("pixels", "u1", LARGEST_IMAGE)]
 )
@@ -107,10 +108,10 @@ class SimulatorConfig:
     """Configuration of the served robot.
 
     Attributes:
-        scene: Where it stands.
-        station: The simulated robot. A shorter latency of its cameras than `LATENCY` of their
-            period makes the robot's clock wait for images that are being rendered.
-        rate: Rate of the robot's clock beside the wall's; 0 for as fast as the machine is.
+        scene: Of the robot.
+        station: The simulated robot. With a camera latency below `LATENCY` of the period, the
+            robot's clock waits for images in rendering.
+        rate: Rate of the robot's clock relative to real time; 0 for as fast as possible.
         epoch: The robot's clock at the start [s since the epoch].
     """
 
@@ -121,14 +122,14 @@ class SimulatorConfig:
 
 
 def simulate(config: SimulatorConfig, names: SharedNames) -> None:
-    """Runs until the command says stop; the process's target.
+    """Runs until the stop command; the target of the process.
 
     Args:
-        config: The robot.
+        config: Of the robot.
         names: Its shared memory.
     """
     end_with_parent()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which ends this process.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent; it ends this process.
     SimulatedPepper(config, names).run()
 
 
@@ -139,7 +140,7 @@ class SimulatedPepper:
         """Builds the station.
 
         Args:
-            config: The robot.
+            config: Of the robot.
             names: Its shared memory.
         """
         self._config = config
@@ -179,7 +180,7 @@ class SimulatedPepper:
         self._scanned = -math.inf
 
     def run(self) -> None:
-        """Advances slice by slice, in step with the wall's clock if the config says so."""
+        """Advances step by step, in real time if the config has a rate."""
         self._obey(self._measured_as_command())
         self._simulator.Initialize()
         if self._station.renderer is not None:
@@ -194,7 +195,7 @@ class SimulatedPepper:
                 if early > 0.0:
                     time.sleep(early)
                 elif early < -CYCLE:
-                    begin -= early  # The robot's clock stands still for as long as it was late.
+                    begin -= early  # The robot's clock stops for the lateness.
                 late = max(-early, 0.0) * rate
                 shown_rate += 0.02 * (CYCLE / (CYCLE + late) - shown_rate)
             if self._command.writes > 0:
@@ -208,7 +209,7 @@ class SimulatedPepper:
             self._publish(shown_rate)
 
     def _advance_to(self, end: float) -> None:
-        """Simulates to a time [s]; a person's force is held only for as long as it is steady."""
+        """Simulates to a time [s]; a person's force is updated in smaller steps."""
         if self._led_arm:
             steps = round(CYCLE / _LEADING_STEP)
             for k in reversed(range(1, steps)):
@@ -218,7 +219,7 @@ class SimulatedPepper:
         self._simulator.AdvanceTo(end)
 
     def _lead(self) -> None:
-        """Lets a person's hand pull at the robot's."""
+        """Applies the pull of a person's hand."""
         station, context = self._station, self._context
         force = self._led_hand.step(
             self._led_arm,
@@ -230,7 +231,7 @@ class SimulatedPepper:
         station.GetInputPort("applied_forces").FixValue(context, Value([force]))
 
     def _measured_as_command(self) -> npt.NDArray[np.void]:
-        """Returns the command that holds the robot as it stands."""
+        """Returns the command that holds the robot's current posture."""
         command = np.zeros((), COMMAND)
         command["positions"] = self._positions()
         command["stiffnesses"] = 1.0
@@ -258,7 +259,7 @@ class SimulatedPepper:
             if before == 0.0 and stiffness > 0.0:
                 self._restart_servo(name, wanted[row])
             if stiffness == 0.0:
-                # A limp joint's command follows the joint. Passed on, it would drag the joint's
+                # A limp joint's command follows the joint. Applied, it would drag the joint's
                 # friction along, a cycle late, and drive the joint away.
                 wanted[row] = self._obeyed[row]
         self._obeyed = wanted
@@ -283,7 +284,7 @@ class SimulatedPepper:
         station.GetInputPort("hand_command").FixValue(context, hands)
 
     def _restart_servo(self, name: str, position: float) -> None:
-        """Lets a joint that becomes stiff go on from where it is [rad]."""
+        """Restarts the servo of a joint that becomes stiff at its position [rad]."""
         servo = self._station.GetSubsystemByName("joint_servo")
         context = servo.GetMyMutableContextFromRoot(self._context)
         servo.restart(context, [BODY_JOINTS.index(name)], [position])
@@ -326,10 +327,10 @@ class SimulatedPepper:
             self._publish_image(k, name)
 
     def _publish_image(self, camera: int, name: str) -> None:
-        """Publishes a camera's image once it is rendered; until the next one is out it may be late.
+        """Publishes a camera's image once it is rendered, at the latest when the next one is out.
 
-        Then the robot's clock waits for it: images would be begun faster than they are finished,
-        and none would be the newest when it is done.
+        Then the robot's clock waits for it: otherwise images would be started faster than they are
+        finished, and none would be the newest when done.
         """
         system = self._station.GetSubsystemByName(name)
         frame = system.last_frame(system.GetMyContextFromRoot(self._context))
@@ -368,7 +369,7 @@ class SimulatedPepper:
         for pair in query.ComputePointPairPenetration():
             mine = [self._links.get(pair.id_A), self._links.get(pair.id_B)]
             if mine.count(None) != 1:
-                continue  # Neither is Pepper's, or both are.
+                continue  # Neither geometry is Pepper's, or both are.
             contacts += 1
             link = mine[0] or mine[1]
             if link in _PALMS:

@@ -1,7 +1,7 @@
-"""ALMotion's tasks: who may move which joint.
+"""ALMotion's tasks: which motion may move which joint.
 
-A task books resources, joints by name, while it runs. One whose resources are booked waits until
-they are free, first come first served; it is not refused and nothing is taken from the one before.
+A task books resources, joints by name, while it runs. If they are taken it waits until they are
+free, first come first served; it is not refused, and does not interrupt the earlier task.
 """
 
 from collections.abc import Callable, Iterable
@@ -20,16 +20,16 @@ class TaskState(Enum):
 
 
 class Motion(Protocol):
-    """A task's motion, cycle by cycle."""
+    """The motion of a task, cycle by cycle."""
 
     def start(self) -> None:
-        """Begins, in the cycle in which its resources became free."""
+        """Begins, in the cycle in which its resources become free."""
 
     def step(self) -> bool:
-        """Does one cycle; returns whether it was the last."""
+        """Runs one cycle; returns whether it was the last."""
 
     def stop(self) -> None:
-        """Comes smoothly to an end: the task was killed."""
+        """Brakes smoothly: the task was killed."""
 
 
 @dataclass
@@ -38,11 +38,11 @@ class Task:
 
     Attributes:
         id: Its number, from 1.
-        name: What asked for it, such as "angleInterpolation".
+        name: Method that requested it, such as "angleInterpolation".
         resources: What it books.
-        motion: What it does.
-        client: Connection of the client that asked for it, or None if it outlives clients.
-        state: Where it stands.
+        motion: Its motion.
+        client: Connection of the client that requested it, or None if it outlives clients.
+        state: Its state.
     """
 
     id: int
@@ -66,7 +66,7 @@ class Task:
             self._watchers.append(watcher)
 
     def end(self, state: TaskState) -> None:
-        """Sets the last state and tells who waits."""
+        """Sets the final state and notifies the watchers."""
         self.state = state
         watchers, self._watchers = self._watchers, []
         for watcher in watchers:
@@ -91,7 +91,7 @@ class TaskManager:
         return task
 
     def step(self) -> None:
-        """Does one cycle of every running task, then starts what was waiting for one of them."""
+        """Runs one cycle of every running task, then starts tasks whose resources became free."""
         for task in [task for task in self._tasks if task.state is TaskState.RUNNING]:
             # A task may end another one, as a move ends the move before it.
             if task.state is TaskState.RUNNING and task.motion.step():

@@ -1,7 +1,7 @@
-"""ALMotion's time laws: how a joint goes to a target, and along timed keys.
+"""ALMotion's time laws: how a joint moves to a target, and along timed keys.
 
-Nothing here keeps state. What is assumed of the real robot, whose law is unpublished: a joint
-gathers its largest speed in 0.2 s, brakes as hard, and comes to rest at each target.
+Nothing here has state. The real robot's law is unpublished; assumed is that a joint reaches its
+largest speed in 0.2 s, brakes as hard, and comes to rest at each target.
 """
 
 from collections.abc import Sequence
@@ -19,22 +19,22 @@ ACCELERATION: Vector = MAX_VELOCITY / 0.2
 """Acceleration of each joint under `setAngles` (17,) [rad/s^2]."""
 
 _PEAK = 1.5
-"""Largest speed of a cubic between two rests, for a mean speed of 1."""
+"""Largest speed of a rest-to-rest cubic for a mean speed of 1."""
 
 
 def step_towards(
     position: Vector, velocity: Vector, target: Vector, speed: Vector, acceleration: Vector
 ) -> tuple[Vector, Vector]:
-    """Goes one cycle towards targets as fast as speed and braking allow, to rest there.
+    """Moves one cycle towards targets as fast as speed and braking allow, to rest there.
 
-    The speed is the largest from which the joint can still stop at its target in whole cycles,
-    going at v, v - a dt, v - 2 a dt, ...: with n such steps after this one,
-    v = |distance| / ((n + 1) dt) + n a dt / 2. The last one lands on the target.
+    The speed is the largest from which the joint can still stop at its target in whole cycles with
+    the speeds v, v - a dt, v - 2 a dt, ...: with n such steps after this one,
+    v = |distance| / ((n + 1) dt) + n a dt / 2. The last one reaches the target.
 
     Args:
         position: Positions (n,) [rad].
         velocity: Velocities (n,) [rad/s].
-        target: Where to go (n,) [rad].
+        target: Targets (n,) [rad].
         speed: Largest speeds (n,) [rad/s].
         acceleration: Largest accelerations (n,) [rad/s^2].
 
@@ -52,31 +52,31 @@ def step_towards(
 
 
 def stopping_point(position: Vector, velocity: Vector, acceleration: Vector) -> Vector:
-    """Returns where joints come to rest if they brake from now on (n,) [rad]."""
+    """Returns the positions at which joints come to rest if they brake from now on (n,) [rad]."""
     braking = acceleration * CYCLE
     speed = np.abs(velocity)
     steps = np.floor(speed / braking)
-    way = (steps * speed - braking * steps * (steps + 1) / 2) * CYCLE
-    return position + np.sign(velocity) * way
+    travel = (steps * speed - braking * steps * (steps + 1) / 2) * CYCLE
+    return position + np.sign(velocity) * travel
 
 
 def duration_with_speed(distance: float, max_speed: float) -> float:
-    """Returns the time that a cubic between two rests takes without passing a speed [s]."""
+    """Returns the duration [s] of a rest-to-rest cubic with a given largest speed."""
     return max(_PEAK * abs(distance) / max_speed, CYCLE)
 
 
 def sample_keys(
     start: float, velocity: float, times: Sequence[float], values: Sequence[float]
 ) -> Vector:
-    """Samples a smooth path through timed keys, once a cycle.
+    """Samples a smooth path through timed keys, once per cycle.
 
     Cubic between keys. The slope at a key is the harmonic mean of its neighbours' (Fritsch and
-    Butland 1984), zero where the path turns, so that no key is overshot; zero at the end.
+    Butland 1984), zero at turning points, so that no key is overshot; zero at the end.
 
     Args:
-        start: Value now.
-        velocity: Rate now [1/s].
-        times: When each key is reached, from now, increasing (k,) [s].
+        start: Current value.
+        velocity: Current rate [1/s].
+        times: Times of the keys from now, increasing (k,) [s].
         values: Keys (k,).
 
     Returns:
@@ -102,23 +102,23 @@ def sample_keys(
 
 
 def sample_ramp(start: float, times: Sequence[float], values: Sequence[float]) -> Vector:
-    """Samples straight lines between timed keys, once a cycle; as `sample_keys`."""
+    """Samples straight lines between timed keys, once per cycle; as `sample_keys`."""
     samples = np.interp(_grid(times[-1]), [0.0, *times], [start, *values])
     samples[-1] = values[-1]
     return samples
 
 
 Handle = tuple[int, float, float]
-"""Type (0 constant, 1 linear, else Bezier), time [s] and angle [rad] from its key."""
+"""Type (0 constant, 1 linear, else Bezier), time [s] and angle [rad] relative to its key."""
 
 BezierKey = tuple[float, Handle | None, Handle | None]
-"""Angle [rad], the handle before it and the one after; without them the path rests there."""
+"""Angle [rad], handles before and after it; without handles the path is at rest there."""
 
 
 def sample_bezier(start: float, times: Sequence[float], keys: Sequence[BezierKey]) -> Vector:
-    """Samples cubic Bezier curves between timed keys, once a cycle; as `sample_keys`.
+    """Samples cubic Bezier curves between timed keys, once per cycle; as `sample_keys`.
 
-    A handle that reaches in time beyond its segment is shortened, so that time never turns back.
+    A handle longer in time than its segment is shortened, so that time is monotone.
     """
     grid = _grid(times[-1])
     samples = np.empty(len(grid))
@@ -155,6 +155,6 @@ def _handle_point(handle: Handle | None, span: float, sign: float) -> tuple[floa
 
 
 def _grid(end: float) -> Vector:
-    """Returns the cycles' times until `end`, which is the last [s]."""
+    """Returns the times of the cycles up to and including `end` [s]."""
     count = max(int(np.ceil(end / CYCLE - 1e-9)), 1)
     return np.minimum(np.arange(1, count + 1) * CYCLE, end)

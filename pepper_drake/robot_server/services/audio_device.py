@@ -1,4 +1,4 @@
-"""ALAudioDevice and ALAudioRecorder: microphones in a room in which nobody speaks."""
+"""ALAudioDevice and ALAudioRecorder: microphones in a silent room."""
 
 import asyncio
 from collections.abc import Callable
@@ -16,38 +16,38 @@ from pepper_drake.robot_server.wire.service import Service, ServiceError, Servic
 Log = Callable[[str], None]
 
 _SAMPLES = {48000: 4096, 16000: 1365}
-"""Samples of each channel in a buffer, by the rate [1/s]: both are 85 ms."""
+"""Samples per channel and buffer by rate [1/s]: 85 ms each."""
 _MICROPHONES = 4
 _NOISE = 2
 """Largest noise of a microphone; the largest sound is 32767. An estimate."""
 _REGISTERED = 10.0
-"""Time for which a module that wants to hear may not be registered yet [s]."""
+"""Timeout of the registration of a subscribed module [s]."""
 
 
 @dataclass(frozen=True)
 class _Hearing:
-    """A module's wish: samples a second, and which channels (0: all four, else one)."""
+    """A module's preferences: sampling rate [1/s], and channels (0: all four, else one)."""
 
     rate: int = 48000
     channels: int = 0
 
 
 class AudioDevice(Module):
-    """ALAudioDevice: its settings, and the noise of its microphones: nobody speaks."""
+    """ALAudioDevice: its settings, and the noise of its microphones."""
 
     def __init__(
         self, log: Log, timer: RobotTimer, finder: Callable[[], ServiceFinder | None]
     ) -> None:
-        """Makes it.
+        """Makes the service.
 
         Args:
-            log: Takes a line of what is asked in vain.
+            log: Takes a line on calls without effect.
             timer: The robot's clock.
-            finder: Tells the directory, where modules that hear are registered, or None.
+            finder: Returns the directory, in which listening modules are registered, or None.
         """
         super().__init__("ALAudioDevice")
         self._log, self._timer, self._finder = log, timer, finder
-        self._wanted: dict[str, _Hearing] = {}
+        self._formats: dict[str, _Hearing] = {}
         self._listening: dict[str, asyncio.Task[None]] = {}
         self._noise = np.random.default_rng(0)
         self._parameters: dict[str, int] = {}
@@ -62,28 +62,28 @@ class AudioDevice(Module):
     def set_client_preferences(
         self, module: str, rate: int, channels: int, _deinterleaved: int
     ) -> None:
-        """Sets what a module hears: 48000 samples a second of all four microphones, or 16000."""
+        """Sets a module's sampling rate, 48000 or 16000 per second, and its channels."""
         if rate not in _SAMPLES:
             raise ValueError(f"the rate is {rate} Hz; it must be 48000 or 16000")
         if not 0 <= channels <= _MICROPHONES:
             raise ValueError(f"there are no channels {channels}; give 0 for all, or 1 to 4")
-        self._wanted[module] = _Hearing(rate, channels)
+        self._formats[module] = _Hearing(rate, channels)
 
     def subscribe(self, module: str) -> None:
-        """Lets a module hear: its `processRemote` is called with a buffer each 85 ms."""
+        """Subscribes a module: its `processRemote` is called with a buffer every 85 ms."""
         self.unsubscribe(module)
         self._log(f"{module} listens; nobody speaks, and it hears the noise of the microphones")
         task = asyncio.get_running_loop().create_task(self._hear(module))
         self._listening[module] = task
 
     def unsubscribe(self, module: str) -> None:
-        """Lets a module hear no more."""
+        """Ends a module's subscription."""
         task = self._listening.pop(module, None)
         if task is not None:
             task.cancel()
 
     async def _hear(self, module: str) -> None:
-        """Calls a module with what the microphones hear, until it is gone."""
+        """Calls a module with the microphones' buffers, until it is gone."""
         due, found = self._timer.now, False
         while True:
             finder = self._finder()
@@ -94,7 +94,7 @@ class AudioDevice(Module):
                     break
                 await self._timer.sleep(0.1)
                 continue
-            hearing = self._wanted.get(module, _Hearing())
+            hearing = self._formats.get(module, _Hearing())
             samples = _SAMPLES[hearing.rate]
             channels = 1 if hearing.channels else _MICROPHONES
             sound = self._noise.integers(-_NOISE, _NOISE + 1, samples * channels, dtype=np.int16)
@@ -135,18 +135,18 @@ class AudioDevice(Module):
         return False
 
     def start_microphones_recording(self, name: str) -> None:
-        """Would record to a file."""
+        """Logs that nothing is recorded."""
         self._log(f"no sound is simulated, and {name} is not written")
 
     def stop_microphones_recording(self) -> None:
-        """Would end the recording."""
+        """Has no effect."""
 
     def set_file_as_input(self, name: str) -> None:
-        """Would hear a file instead of the microphones."""
+        """Logs that the file is not heard."""
         self._log(f"no sound is simulated, and {name} is not heard")
 
     def _no_energy(self) -> float:
-        """Returns a microphone's energy: there is no sound."""
+        """Returns a microphone's energy, zero without sound."""
         return 0.0
 
     get_front_mic_energy = _no_energy
@@ -155,37 +155,37 @@ class AudioDevice(Module):
     get_right_mic_energy = _no_energy
 
     def flush_audio_outputs(self) -> None:
-        """Forgets what was to be played."""
+        """Has no effect."""
 
     def play_sine(self, frequency: int, _gain: int, _pan: int, duration: float) -> None:
         """Plays a tone [Hz, s]."""
         self._log(f"plays a tone of {frequency} Hz for {duration:g} s (no sound is simulated)")
 
     def send_remote_buffer_to_output(self, frames: int, _buffer: Any) -> bool:
-        """Takes sound; returns whether it could be played: up to 16384 frames can."""
+        """Takes sound; returns whether it fits: at most 16384 frames."""
         return 0 <= frames <= 16384
 
     def set_parameter(self, name: str, value: int) -> None:
-        """Keeps a parameter."""
+        """Stores a parameter."""
         self._parameters[name] = value
 
     def get_parameter(self, name: str) -> int:
-        """Returns a parameter that was kept."""
+        """Returns a stored parameter."""
         if name not in self._parameters:
             raise ValueError(f"there is no parameter {name!r}")
         return self._parameters[name]
 
 
 class AudioRecorder(Module):
-    """ALAudioRecorder: the name of the file in the log; there is nothing to record."""
+    """ALAudioRecorder: logs the name of the file; there is nothing to record."""
 
     def __init__(self, log: Log) -> None:
         super().__init__("ALAudioRecorder")
         self._log = log
 
     def start_microphones_recording(self, name: str, *_: Any) -> None:
-        """Would record to a file."""
+        """Logs that nothing is recorded."""
         self._log(f"no sound is simulated, and {name} is not written")
 
     def stop_microphones_recording(self) -> None:
-        """Would end the recording."""
+        """Has no effect."""

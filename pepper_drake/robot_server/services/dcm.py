@@ -1,7 +1,7 @@
-"""DCM: devices by their keys. Lights and joints do what they are told; other devices only take it.
+"""DCM: devices by their keys. Lights and joints follow commands; other devices only accept them.
 
-A command is `[device or alias, update, [[value, time], ...]]`, its times by `getTime` [ms]. Those
-that were told before and are not over yet are dropped, whatever the update says of them.
+A command is `[device or alias, update, [[value, time], ...]]`, with times by `getTime` [ms].
+Earlier commands that are not over yet are dropped, whatever the update type.
 """
 
 from collections.abc import Callable
@@ -19,11 +19,11 @@ from pepper_drake.robot_server.services.waiting import Module, RobotTimer
 _UPDATES = ("Merge", "ClearAll", "ClearAfter", "ClearBefore")
 _MOST_ALIASES = 200
 _LONGEST = 600.0
-"""Longest time of a command [s]: programs that give another clock's are told so."""
+"""Latest time of a command from now [s]; later ones, as by another clock, are refused."""
 _END = "/Actuator/Value"
 
 Key = tuple[float, float]
-"""A value and when it is to be reached [s from now]."""
+"""A value and its time from now [s]."""
 
 
 class Dcm(Module):
@@ -32,19 +32,19 @@ class Dcm(Module):
     def __init__(
         self, motion: Motion, leds: Leds, timer: RobotTimer, log: Callable[[str], None]
     ) -> None:
-        """Makes it without aliases; `motion` drives the joints, `leds` the lights."""
+        """Makes the service without aliases; `motion` drives the joints, `leds` the lights."""
         super().__init__("DCM")
         self._motion, self._leds, self._timer, self._log = motion, leds, timer, log
         self._start = timer.now
         self._aliases: dict[str, list[str]] = {}
-        self._told: set[str] = set()
+        self._logged: set[str] = set()
 
     def get_time(self, offset: int) -> int:
-        """Returns the time since the robot started, and an offset more [ms]."""
+        """Returns the time since the robot started plus an offset [ms]."""
         return round(1000 * (self._timer.now - self._start)) + offset
 
     def get_prefix(self) -> list[str]:
-        """Returns what all keys begin with."""
+        """Returns the common prefix of all keys."""
         return [DEVICES]
 
     def create_alias(self, alias: Any) -> Any:
@@ -56,7 +56,7 @@ class Dcm(Module):
         return alias
 
     def set(self, command: Any) -> None:
-        """Commands a device, or all of an alias alike."""
+        """Commands a device, or all devices of an alias alike."""
         name, update, timed = _list(command, 3)
         keys = self._timed(timed)
         _known_update(update)
@@ -64,7 +64,7 @@ class Dcm(Module):
             self._do(key, keys)
 
     def set_alias(self, command: Any) -> None:
-        """Commands the devices of an alias, each in its own way.
+        """Commands the devices of an alias, each individually.
 
         `[alias, update, "time-mixed", [[[value, time], ...] of each device]]`, or
         `[alias, update, "time-separate", importance, [time, ...], [[value, ...] of each device]]`.
@@ -95,12 +95,12 @@ class Dcm(Module):
             self._lead(device, keys)
         elif quantity == "Hardness" and device in JOINTS:
             self._motion.set_stiffnesses(device, keys[-1][0])
-        elif not self._leds.lead(key, keys) and key not in self._told and len(self._told) < 100:
-            self._told.add(key)
+        elif not self._leds.lead(key, keys) and key not in self._logged and len(self._logged) < 100:
+            self._logged.add(key)
             self._log(f"DCM takes commands of {key}, which changes nothing in the simulation")
 
     def _lead(self, joint: str, keys: list[Key]) -> None:
-        """Leads a joint along straight lines through its values [rad]."""
+        """Moves a joint along straight lines through its values [rad]."""
         values, times = zip(*keys, strict=True)
         after = [max(time, (k + 1) * CYCLE) for k, time in enumerate(times)]
         tasks = self._motion.tasks

@@ -1,4 +1,4 @@
-"""ALDialog: its topics and settings are kept; nobody speaks to the simulated robot."""
+"""ALDialog: topics and settings are stored; nobody speaks to the simulated robot."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +13,7 @@ class Dialog(Extractor):
 
     def __init__(self, log: Callable[[str], None]) -> None:
         super().__init__("ALDialog", log, ("Dialog/LastInput",), "words")
-        self._tell = log
+        self._say = log
         self._loaded: dict[str, str] = {}
         self._active: list[str] = []
         self._has_files = False
@@ -41,16 +41,16 @@ class Dialog(Extractor):
         )
 
     def load_topic(self, path: str) -> str:
-        """Takes a topic's file on the robot; returns the topic's name, as its file is called."""
+        """Loads a topic's file on the robot; returns the topic's name, that of its file."""
         self._has_files = True
         return self._load(topic_name(path))
 
     def load_topic_content(self, content: str) -> str:
-        """Takes a topic's text; returns the topic's name."""
+        """Loads a topic's text; returns the topic's name."""
         return self._load(topic_name(content))
 
     def unload_topic(self, topic: str) -> None:
-        """Forgets a topic."""
+        """Unloads a topic."""
         self._known(topic)
         self._loaded.pop(topic, None)
         if topic in self._active:
@@ -69,12 +69,12 @@ class Dialog(Extractor):
             self._active.remove(topic)
 
     def run_topics(self, paths: list[str]) -> None:
-        """Takes topics' files and activates them."""
+        """Loads topics' files and activates them."""
         for path in paths:
             self.activate_topic(self.load_topic(path))
 
     def stop_topics(self, topics: list[str]) -> None:
-        """Forgets topics."""
+        """Unloads topics."""
         for topic in topics:
             self.unload_topic(topic_name(topic))
 
@@ -91,37 +91,37 @@ class Dialog(Extractor):
         return list(self._active)
 
     def goto_topic(self, topic: str) -> None:
-        """Would go on with a topic."""
+        """Only checks that the topic is loaded."""
         self._known(topic)
 
     def goto_tag(self, _tag: str, topic: str) -> None:
-        """Would go on with what a tag marks in a topic."""
+        """Only checks that the topic is loaded."""
         self._known(topic)
 
     def activate_tag(self, _tag: str, topic: str) -> None:
-        """Would let what a tag marks be said."""
+        """Only checks that the topic is loaded."""
         self._known(topic)
 
     def deactivate_tag(self, _tag: str, topic: str) -> None:
-        """Would let what a tag marks be said no more."""
+        """Only checks that the topic is loaded."""
         self._known(topic)
 
     def force_input(self, text: str) -> None:
-        """Takes words as if they had been heard; no answer is simulated."""
-        self._tell(f'dialog: hears "{text}"; no answer is simulated')
+        """Takes words as heard; no answer is simulated."""
+        self._say(f'dialog: hears "{text}"; no answer is simulated')
 
     def tell(self, text: str) -> None:
         """As `forceInput`."""
         self.force_input(text)
 
     def force_output(self) -> None:
-        """Would say a proposal."""
-        self._tell("dialog: no proposal is simulated")
+        """Logs that no proposal is simulated."""
+        self._say("dialog: no proposal is simulated")
 
     def say(self, topic: str, tag: str) -> None:
-        """Would say what a tag marks in a topic."""
+        """Logs that the tagged sentence is not simulated."""
         self._known(topic)
-        self._tell(f"dialog: what {tag} marks in {topic} is not simulated")
+        self._say(f"dialog: what {tag} marks in {topic} is not simulated")
 
     def set_concept(self, concept: str, language: str, words: list[str], *_: Any) -> None:
         """Sets a concept's words."""
@@ -144,23 +144,23 @@ class Dialog(Extractor):
         self._concepts.clear()
 
     def insert_user_data(self, name: str, value: str, user: int) -> None:
-        """Keeps something of a user."""
+        """Stores data of a user."""
         self._user_data[user, name] = value
 
     def get_user_data(self, name: str, user: int) -> str:
-        """Returns something of a user, or no text."""
+        """Returns data of a user, or an empty text."""
         return self._user_data.get((user, name), "")
 
     def get_user_data_list(self, user: int) -> list[str]:
-        """Returns the names of what is known of a user."""
+        """Returns the names of a user's data."""
         return [name for number, name in self._user_data if number == user]
 
     def get_user_list(self) -> list[int]:
-        """Returns the users of whom something is known."""
+        """Returns the users with data."""
         return sorted({user for user, _ in self._user_data})
 
     def remove_user_data(self, user: int) -> None:
-        """Forgets a user."""
+        """Removes a user's data."""
         for key in [key for key in self._user_data if key[0] == user]:
             del self._user_data[key]
 
@@ -168,19 +168,19 @@ class Dialog(Extractor):
         """Ends a user's session."""
 
     def compile_all(self) -> None:
-        """Makes the topics ready; they are."""
+        """Has no effect: topics need no compilation."""
 
     def run_dialog(self) -> None:
-        """Starts it."""
+        """Starts the dialog; has no effect."""
 
     def stop_dialog(self) -> None:
-        """Stops it."""
+        """Stops the dialog; has no effect."""
 
     def start_push(self) -> None:
-        """Would begin to make proposals."""
+        """Has no effect: no proposals are simulated."""
 
     def stop_push(self) -> None:
-        """Would make no more proposals."""
+        """Has no effect: no proposals are simulated."""
 
     def reset_all(self) -> None:
         """Forgets topics and concepts."""
@@ -193,6 +193,6 @@ class Dialog(Extractor):
         return topic
 
     def _known(self, topic: str) -> None:
-        # A file is on the client's side or nowhere: the name that it gives its topic is not known.
+        # A file's own name of its topic is unknown, since the file is not on this machine.
         if topic not in self._loaded and not self._has_files:
             raise ValueError(f"topic {topic!r} is not loaded")

@@ -1,4 +1,4 @@
-"""ALExpressionWatcher: conditions over ALMemory's keys, and the objects that tell of them.
+"""ALExpressionWatcher: conditions over ALMemory's keys, and objects that signal them.
 
 The language is that of the maker's documentation of trigger conditions, without `rand`.
 """
@@ -26,7 +26,7 @@ Evaluate = Callable[[float], Any]
 
 
 def _product(a: Any, b: Any) -> Any:
-    """The product of numbers; a text or a list times a number could be of any size."""
+    """Multiplies numbers; a text or list times a number could be of any size."""
     if isinstance(a, str | list) or isinstance(b, str | list):
         raise TypeError("only numbers are multiplied")
     return a * b
@@ -49,7 +49,7 @@ _BINARY: tuple[dict[str, Callable[[Any, Any], Any]], ...] = (
         "intersects": lambda a, b: bool(set(_items(a)) & set(_items(b))),
     },
 )
-"""Operators, those that bind least first."""
+"""Operators by precedence, the lowest first."""
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "int": int,
@@ -67,17 +67,17 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 class Expression:
-    """A condition, which remembers the values of its keys as far back as it looks."""
+    """A condition, with the history of its keys as far back as it refers to."""
 
     def __init__(self, text: str, read: Callable[[str], Any]) -> None:
         """Parses a condition.
 
         Args:
             text: The condition.
-            read: Returns the value of a key now, None if there is none.
+            read: Returns the current value of a key, or None.
 
         Raises:
-            ValueError: The text is no condition.
+            ValueError: The text is not a condition.
         """
         if len(text) > _LARGEST_TEXT:
             raise ValueError("the expression is too long")
@@ -85,14 +85,14 @@ class Expression:
         self._history: dict[str, deque[tuple[float, Any]]] = {}
         self._reach = 0.0
         self._tokens = _tokens(text)
-        self._place = 0
+        self._position = 0
         self._depth = 0
         self._evaluate = self._binary(0)
-        if self._place != len(self._tokens):
+        if self._position != len(self._tokens):
             raise ValueError(f"the expression is not understood at {self._peek()!r}")
 
     def step(self, now: float) -> None:
-        """Remembers the values of the keys."""
+        """Records the values of the keys."""
         for key, past in self._history.items():
             value = self._read(key)
             if not past or past[-1][1] != value:
@@ -101,20 +101,20 @@ class Expression:
                 past.popleft()
 
     def value(self, now: float) -> Any:
-        """Returns the value now, None where it has none."""
+        """Returns the current value, None if it cannot be computed."""
         try:
             return self._evaluate(now)
         except (TypeError, ValueError, ArithmeticError):
             return None
 
     def _peek(self) -> str:
-        return self._tokens[self._place] if self._place < len(self._tokens) else ""
+        return self._tokens[self._position] if self._position < len(self._tokens) else ""
 
     def _next(self) -> str:
         token = self._peek()
         if not token:
             raise ValueError("the expression ends too soon")
-        self._place += 1
+        self._position += 1
         return token
 
     def _expect(self, token: str) -> None:
@@ -138,7 +138,7 @@ class Expression:
             if not re.fullmatch(r"\d+\.?\d*", seconds) or float(seconds) > _LONGEST:
                 raise ValueError(f"after {sign} comes a number of seconds up to {_LONGEST:g}")
             self._reach += float(seconds)
-            found = {"~": self._held, "@": _ago, "#": self._once}[sign](found, float(seconds))
+            found = {"~": self._held, "@": _ago, "#": self._recently}[sign](found, float(seconds))
         return found
 
     def _unary(self) -> Evaluate:
@@ -184,7 +184,7 @@ class Expression:
             function = _FUNCTIONS[token]
             return lambda now: function(*(argument(now) for argument in arguments))
         if token in ("bang", "stable") and len(arguments) == 1:
-            # The robot's cycle of 20 ms is the moment in which a value changes.
+            # Changes are detected within the robot's cycle of 20 ms.
             inner = arguments[0]
             steady = token == "stable"
             return lambda now: (inner(now) == inner(now - 0.02)) == steady
@@ -207,14 +207,14 @@ class Expression:
         return None
 
     def _moments(self, start: float, end: float) -> list[float]:
-        """Returns the times at which a key changed between two, and both."""
+        """Returns the times of changes of keys between two times, and these two."""
         times = {t for past in self._history.values() for t, _ in past if start < t < end}
         return [start, *sorted(times), end]
 
     def _held(self, inner: Evaluate, seconds: float) -> Evaluate:
         return lambda now: all(inner(t) for t in self._moments(now - seconds, now))
 
-    def _once(self, inner: Evaluate, seconds: float) -> Evaluate:
+    def _recently(self, inner: Evaluate, seconds: float) -> Evaluate:
         return lambda now: any(inner(t) for t in self._moments(now - seconds, now))
 
 
@@ -225,11 +225,11 @@ class ExpressionWatcher(Module):
     """Report modes."""
 
     def __init__(self, read: Callable[[str], Any], clock: Callable[[], float]) -> None:
-        """Makes one that watches nothing.
+        """Makes the service without expressions.
 
         Args:
-            read: Returns the value of a key of ALMemory, None if there is none.
-            clock: Tells the robot's time [s].
+            read: Returns the value of a key of ALMemory, or None.
+            clock: Returns the robot's time [s].
         """
         super().__init__("ALExpressionWatcher")
         self._read = read
@@ -237,16 +237,16 @@ class ExpressionWatcher(Module):
         self._watched: list[Callable[[float], None]] = []
 
     def step(self, now: float) -> None:
-        """Looks at every expression that somebody holds."""
+        """Evaluates all watched expressions."""
         for look in list(self._watched):
             look(now)
 
     def add(self, text: str, mode: int) -> Service:
-        """Returns an object whose signal tells of an expression, until it is let go.
+        """Returns an object that signals changes of an expression until it is released.
 
         Args:
             text: The expression.
-            mode: 0 tells when the value changes, 1 when its truth does, 2 when it gets true.
+            mode: 0 signals a change of the value, 1 of its truth, 2 that it becomes true.
         """
         if mode not in (self.CHANGE, self.EDGE, self.EDGE_TRUE):
             raise ValueError(f"there is no report mode {mode}; it must be 0, 1 or 2")

@@ -1,7 +1,7 @@
-"""Services that look, listen and measure on behalf of who subscribed to them.
+"""Services that look, listen and measure on behalf of their subscribers.
 
-Nobody is there to be seen or heard in the simulation: what they would find stays empty in
-ALMemory. The log says so when the first client subscribes.
+The simulation has nobody to see or hear: their results in ALMemory stay empty. The log says so when
+the first client subscribes.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +14,7 @@ Log = Callable[[str], None]
 
 
 class Extractor(Module):
-    """A service that is subscribed to; what it finds would stand in ALMemory."""
+    """A service with subscribers, whose results would be in ALMemory."""
 
     def __init__(
         self, name: str, log: Log | None = None, keys: Sequence[str] = (), finds: str = ""
@@ -23,7 +23,7 @@ class Extractor(Module):
 
         Args:
             name: The service's name.
-            log: Told when the first client subscribes; None for one whose values are simulated.
+            log: Takes a line when the first client subscribes; None if the values are simulated.
             keys: Keys of ALMemory that it writes.
             finds: What it would find.
         """
@@ -32,58 +32,58 @@ class Extractor(Module):
         self._subscribers: dict[str, tuple[int, float]] = {}
 
     def subscribe(self, name: str, period: int = 100, precision: float = 0.0) -> None:
-        """Asks for values."""
+        """Subscribes to the values."""
         self._subscribers[name] = (period, precision)
         if self._log is not None:
             self._log(f"{self.name} is asked for {self._finds}; there are none in the simulation")
             self._log = None
 
     def unsubscribe(self, name: str) -> None:
-        """Asks for values no more."""
+        """Ends a subscription."""
         if self._subscribers.pop(name, None) is None:
             raise ValueError(f"{name!r} has not subscribed")
 
     def get_subscribers_info(self) -> list[list[Any]]:
-        """Returns who wants values, how often [ms] and how exactly."""
+        """Returns name, period [ms] and precision of each subscriber."""
         return [[name, *wanted] for name, wanted in self._subscribers.items()]
 
     def get_current_period(self) -> int:
-        """Returns how often values come [ms]."""
+        """Returns the period of the values [ms]."""
         return min((period for period, _ in self._subscribers.values()), default=100)
 
     def get_current_precision(self) -> float:
-        """Returns how exact values are."""
+        """Returns the precision of the values."""
         return max((precision for _, precision in self._subscribers.values()), default=0.0)
 
     def get_my_period(self, name: str) -> int:
-        """Returns how often one wants values [ms]."""
-        return self._wanted(name)[0]
+        """Returns a subscriber's period [ms]."""
+        return self._subscription(name)[0]
 
     def get_my_precision(self, name: str) -> float:
-        """Returns how exactly one wants values."""
-        return self._wanted(name)[1]
+        """Returns a subscriber's precision."""
+        return self._subscription(name)[1]
 
     def update_period(self, name: str, period: int) -> None:
-        """Changes how often one wants values [ms]."""
-        self._subscribers[name] = (period, self._wanted(name)[1])
+        """Changes a subscriber's period [ms]."""
+        self._subscribers[name] = (period, self._subscription(name)[1])
 
     def update_precision(self, name: str, precision: float) -> None:
-        """Changes how exactly one wants values."""
-        self._subscribers[name] = (self._wanted(name)[0], precision)
+        """Changes a subscriber's precision."""
+        self._subscribers[name] = (self._subscription(name)[0], precision)
 
     def get_event_list(self) -> list[str]:
         """Returns the events that it raises here: none."""
         return []
 
     def get_output_names(self) -> list[str]:
-        """Returns where the values are."""
+        """Returns the keys of the values."""
         return list(self._keys)
 
     def get_memory_key_list(self) -> list[str]:
-        """Returns where the values are."""
+        """Returns the keys of the values."""
         return list(self._keys)
 
-    def _wanted(self, name: str) -> tuple[int, float]:
+    def _subscription(self, name: str) -> tuple[int, float]:
         if name not in self._subscribers:
             raise ValueError(f"{name!r} has not subscribed")
         return self._subscribers[name]
@@ -95,7 +95,7 @@ class PausableExtractor(Extractor):
     _paused = False
 
     def pause(self, paused: bool) -> None:
-        """Pauses it, or goes on."""
+        """Pauses or resumes it."""
         self._paused = paused
 
     def is_paused(self) -> bool:
@@ -103,7 +103,7 @@ class PausableExtractor(Extractor):
         return self._paused
 
     def is_processing(self) -> bool:
-        """Returns whether it works: somebody subscribed, and it is not paused."""
+        """Returns whether it runs: it has subscribers and is not paused."""
         return bool(self._subscribers) and not self._paused
 
 
@@ -132,7 +132,7 @@ class PeoplePerception(PausableExtractor):
         )
 
     def reset_population(self) -> None:
-        """Forgets the people seen: none."""
+        """Has no effect: nobody was seen."""
 
 
 class SpeechRecognition(PausableExtractor):
@@ -166,7 +166,7 @@ class SpeechRecognition(PausableExtractor):
         self.set_vocabulary(words, False)
 
     def _grammar(self, *_: Any) -> float:
-        """Takes a grammar, a context or a rule; nothing is heard that it could fit."""
+        """Accepts a grammar, a context or a rule without effect."""
         return 0.0
 
     add_context = _grammar
@@ -192,18 +192,18 @@ class SpeechRecognition(PausableExtractor):
         return []
 
     def set_parameter(self, name: str, value: float) -> None:
-        """Keeps a parameter."""
+        """Stores a parameter."""
         self._parameters[name] = value
 
     def get_parameter(self, name: str) -> float:
-        """Returns a parameter that was kept."""
+        """Returns a stored parameter."""
         if name not in self._parameters:
             raise ValueError(f"there is no parameter {name!r}")
         return self._parameters[name]
 
 
 class Looker(PausableExtractor):
-    """An extractor whose settings are kept: landmarks, barcodes, movement, gazes, sounds."""
+    """An extractor with stored settings: landmarks, barcodes, movement, gazes, sounds."""
 
     def __init__(
         self,
@@ -217,10 +217,10 @@ class Looker(PausableExtractor):
 
         Args:
             name: The service's name.
-            log: Told when the first client subscribes.
+            log: Takes a line when the first client subscribes.
             key: Key of ALMemory that it writes.
             finds: What it would find.
-            settings: Those of its own.
+            settings: Its own settings.
         """
         super().__init__(name, log, (key,), finds)
         keep_settings(
@@ -235,13 +235,13 @@ class Looker(PausableExtractor):
         keep_settings(self, {"set_parameter": ("get_parameters", []), **(settings or {})})
 
     def reset_grid(self) -> None:
-        """Forgets where it looked."""
+        """Has no effect."""
 
     def reset_detection(self) -> None:
-        """Forgets what moved."""
+        """Has no effect."""
 
     def get_circle(self) -> list[float]:
-        """Returns where a blob is: none is seen."""
+        """Returns the position of a blob: none is seen."""
         return []
 
     def get_top_of_blob(self, *_: Any) -> list[float]:
@@ -290,7 +290,7 @@ class FaceDetection(Looker):
         return []
 
     def set_active_camera(self, camera: int) -> bool:
-        """Takes the camera to look with; returns whether it has one of that number."""
+        """Returns whether there is a camera of that number."""
         return camera in (0, 1)
 
 
@@ -351,7 +351,7 @@ def quiet_extractors(log: Log) -> list[Module]:
     """Returns the extractors that find nothing.
 
     Args:
-        log: Told when one is first subscribed to.
+        log: Takes a line at an extractor's first subscription.
     """
     return [
         FaceDetection(log),
@@ -434,7 +434,7 @@ _LOOKERS: dict[str, tuple[Any, ...]] = {
         {"set_grid_precision": ("get_grid_precision", 2.0)},
     ),
 }
-"""By service: the key that it writes, what it would find, and settings with their first values."""
+"""By service: the key that it writes, what it would find, and settings with initial values."""
 
 NOTHING_FOUND: dict[str, Any] = {
     "FaceDetected": [],
@@ -469,4 +469,4 @@ NOTHING_FOUND: dict[str, Any] = {
     "ALMotion/Protection/DisabledFeaturesChanged": [],
     **{about[0]: [] for about in _LOOKERS.values()},
 }
-"""Keys of ALMemory under which extractors leave what they find, and that nothing was found."""
+"""Keys of ALMemory for the extractors' results, with the values of no result."""

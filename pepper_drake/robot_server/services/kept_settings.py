@@ -1,20 +1,20 @@
-"""Settings of services that change nothing in the simulation: kept, and told when asked."""
+"""Settings of services without effect in the simulation: stored, and returned on request."""
 
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 Setting = tuple[str, Any]
-"""Name of the method that tells a setting, and its first value."""
+"""Name of the method that returns a setting, and its initial value."""
 
 
 def keep_settings(module: object, settings: Mapping[str, Setting], returns: Any = None) -> None:
-    """Gives a service the methods that set and tell its settings.
+    """Gives a service the methods that set and return its settings.
 
     Args:
         module: The service's implementation.
-        settings: By the name of the method that sets one; several may set the same.
-        returns: What a method that sets one returns.
+        settings: By the name of the setter; several setters may share a setting.
+        returns: Return value of the setters.
     """
     values = dict(settings.values())
 

@@ -1,4 +1,4 @@
-"""ALLeds: the lights of eyes, ears and chest, each with an intensity that fades with time."""
+"""ALLeds: the lights of eyes, ears and chest, with intensities that fade in time."""
 
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
@@ -31,7 +31,7 @@ def _key(light: str) -> str:
 
 
 def _colored(lights: Iterable[str], colors: Sequence[str] = _COLORS) -> list[str]:
-    """Returns the names of the lights of places that have three colours each."""
+    """Returns the names of the lights of LEDs with three colours each."""
     return [_key(light.format(color)) for light in lights for color in colors]
 
 
@@ -46,7 +46,8 @@ def _first_groups() -> dict[str, list[str]]:
         groups[f"{side}FaceLeds"] = _colored(eye)
         groups |= {f"{side}FaceLeds{color}": _colored(eye, (color,)) for color in _COLORS}
         for k in range(8):
-            # The maker counts the right eye's lights from 45 degrees down, the left eye's up.
+            # The maker numbers the right eye's lights downwards from 45 degrees, the left eye's
+            # upwards.
             place = eye[(1 - k) % 8] if side == "Right" else eye[k]
             groups[f"FaceLed{side}{k}"] = _colored([place])
         groups[f"FaceLeds{side}Top"] = _colored(eye[k] for k in (1, 2, 3))
@@ -73,7 +74,7 @@ def _first_groups() -> dict[str, list[str]]:
 
 @dataclass
 class _Fade:
-    """An intensity that goes from one value to another between two times [s]."""
+    """An intensity that changes from one value to another between two times [s]."""
 
     first: float = 1.0
     last: float = 1.0
@@ -88,7 +89,7 @@ class _Fade:
 
 
 class Leds(Module):
-    """ALLeds; methods that take time return when it has passed, by the robot's clock."""
+    """ALLeds; methods with a duration return when it has passed, by the robot's clock."""
 
     def __init__(self, timer: RobotTimer, log: Callable[[str], None]) -> None:
         super().__init__("ALLeds")
@@ -99,13 +100,13 @@ class Leds(Module):
         self._played: dict[str, asyncio.Task[None]] = {}
 
     def keys(self) -> dict[str, Callable[[], float]]:
-        """Returns what computes the intensity of each light, by its name among the devices."""
+        """Returns functions of the lights' intensities by device name."""
         return {light: partial(self._intensity, light) for light in self._lights}
 
     def lead(self, light: str, keys: Sequence[tuple[float, float]]) -> bool:
-        """Leads a light of `keys` through intensities, each at its time from now [s].
+        """Fades a light through intensities, each at its time from now [s].
 
-        Returns whether there is such a light.
+        Returns whether the light exists.
         """
         if light not in self._lights:
             return False
@@ -156,7 +157,7 @@ class Leds(Module):
         self.set_intensity(name, 0.0)
 
     def reset(self, name: str) -> None:
-        """Sets lights to what they are at first."""
+        """Resets lights to their initial state."""
         self.set_intensity(name, 1.0)
 
     def set_intensity(self, name: str, intensity: float) -> None:
@@ -181,7 +182,7 @@ class Leds(Module):
             await self._to_color("FaceLeds", _shares([colors[1 + number]]), duration / 4)
 
     async def rotate_eyes(self, rgb: int, rotation: float, duration: float) -> None:
-        """Lets a colour turn in the eyes, a turn in a time [s], for a time [s]."""
+        """Rotates a colour in the eyes with a period [s], for a duration [s]."""
         if rotation <= 0.0:
             raise ValueError(f"a turn takes {rotation:g} s; it must be above 0")
         step, left, number = max(rotation / 8, 0.05), duration, 0
@@ -223,7 +224,7 @@ class Leds(Module):
         return sorted(name for name in self._groups if name[-1].isdigit())
 
     def list_led(self, name: str) -> list[str]:
-        """Returns the lights that a short name stands for."""
+        """Returns the lights of a short name."""
         return list(self._of(name))
 
     def _of(self, name: str) -> list[str]:
@@ -253,7 +254,7 @@ class Leds(Module):
 
 
 def _shares(color: Sequence[Any]) -> tuple[float, float, float]:
-    """Returns red, green and blue, from 0 to 1, of a name, of 0xRRGGBB or of themselves."""
+    """Returns red, green and blue, from 0 to 1, from a name, 0xRRGGBB or three numbers."""
     if len(color) == 3:
         red, green, blue = (min(max(float(part), 0.0), 1.0) for part in color)
         return red, green, blue

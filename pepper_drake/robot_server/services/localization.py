@@ -1,7 +1,7 @@
-"""ALLocalization and ALVisualCompass: places beside a home, and straight ways, by odometry alone.
+"""ALLocalization and ALVisualCompass: poses relative to a home, and straight moves, by odometry.
 
-A robot recognises its home by panoramas and its direction by a picture. The served one takes its
-odometry for true, which it is as long as nobody carries it.
+A robot recognises its home by panoramas and its heading by a picture. The served robot trusts its
+odometry, which is correct as long as nobody carries it.
 """
 
 import math
@@ -28,7 +28,7 @@ class Localization(Module):
     """ALLocalization."""
 
     def __init__(self, moves: Any) -> None:
-        """Makes it without a home.
+        """Makes the service without a home.
 
         Args:
             moves: ALMotion.
@@ -39,18 +39,18 @@ class Localization(Module):
         self._saved: dict[str, Vector] = {}
 
     def learn_home(self) -> int:
-        """Takes where the robot stands as home; returns 0."""
+        """Sets the robot's current pose as home; returns 0."""
         self._X_WH = np.array(self._moves.state.base_pose)
         return _DONE
 
     @with_caller
     async def go_to_home(self, caller: Caller) -> int:
-        """Drives home; returns 0, or the number of an error."""
+        """Drives home; returns 0, or an error code."""
         return await self.go_to_position(caller, [0.0, 0.0, 0.0])
 
     @with_caller
     async def go_to_position(self, caller: Caller, place: Sequence[float]) -> int:
-        """Drives to x, y, theta beside home [m, rad]; returns 0, or the number of an error."""
+        """Drives to x, y, theta relative to home [m, rad]; returns 0, or an error code."""
         X_HG = np.array(numbers(place, 3, "the place"))
         if self._X_WH is None:
             return _NO_HOME
@@ -59,7 +59,7 @@ class Localization(Module):
         return _DONE if there else _NOT_THERE
 
     def get_robot_position(self, _look: bool = False) -> list[float]:
-        """Returns where the robot is beside home: x, y [m], theta [rad]."""
+        """Returns the robot's pose relative to home: x, y [m], theta [rad]."""
         if self._X_WH is None:
             raise ValueError(_MESSAGES[_NO_HOME])
         return [float(v) for v in composed(inverted(self._X_WH), self._moves.state.base_pose)]
@@ -77,25 +77,25 @@ class Localization(Module):
         return False
 
     def save(self, name: str) -> int:
-        """Keeps the home under a name until the end; returns 0, or the number of an error."""
+        """Stores the home under a name until the end; returns 0, or an error code."""
         if self._X_WH is None:
             return _NO_HOME
         self._saved[name] = self._X_WH
         return _DONE
 
     def load(self, name: str) -> int:
-        """Takes a home that was kept; returns 0, or the number of an error."""
+        """Loads a stored home; returns 0, or an error code."""
         if name not in self._saved:
             return _UNKNOWN
         self._X_WH = self._saved[name]
         return _DONE
 
     def clear(self, name: str) -> int:
-        """Forgets a home that was kept; returns 0, or the number of an error."""
+        """Removes a stored home; returns 0, or an error code."""
         return _DONE if self._saved.pop(name, None) is not None else _UNKNOWN
 
     def get_message_from_error_code(self, code: int) -> str:
-        """Returns what a number means."""
+        """Returns the meaning of an error code."""
         return _MESSAGES[code] if 0 <= code < len(_MESSAGES) else "unknown error"
 
     def stop_all(self) -> None:
@@ -104,14 +104,14 @@ class Localization(Module):
 
 
 class VisualCompass(Looker):
-    """ALVisualCompass: its moves; it compares no pictures."""
+    """ALVisualCompass: its moves, without comparison of pictures."""
 
     def __init__(self, moves: Any, log: Callable[[str], None]) -> None:
-        """Makes it.
+        """Makes the service.
 
         Args:
             moves: ALMotion.
-            log: Told when the first client subscribes.
+            log: Takes a line when the first client subscribes.
         """
         super().__init__("ALVisualCompass", log, "VisualCompass/Deviation", "deviations")
         self._moves = moves
@@ -121,9 +121,9 @@ class VisualCompass(Looker):
 
     @with_caller
     async def move_straight_to(self, caller: Caller, x: float) -> bool:
-        """Drives ahead [m]; returns whether it got there."""
+        """Drives straight ahead [m]; returns whether it arrived."""
         return bool(await self._moves.move_to(caller, x, 0.0, 0.0))
 
     async def wait_until_target_reached(self) -> None:
-        """Returns when the base rests."""
+        """Returns when the base is at rest."""
         await self._moves.wait_until_move_is_finished()

@@ -1,4 +1,4 @@
-"""LogManager: clients listen to what the served robot logs, and log themselves."""
+"""LogManager: clients receive the served robot's log, and write to it."""
 
 import itertools
 import time
@@ -14,14 +14,14 @@ _MESSAGE = (
     "<LogMessage,source,level,category,location,message,id,date,systemDate>"
 )
 _INFO = 4
-"""Level of what the served robot logs; 1 is fatal, 6 debug."""
+"""Level of the served robot's messages; 1 is fatal, 6 debug."""
 
 
 class LogManager(Module):
     """LogManager."""
 
     def __init__(self, log: Callable[[str], None]) -> None:
-        """Makes one without listeners.
+        """Makes the service without listeners.
 
         Args:
             log: Takes a line that a client logs.
@@ -33,7 +33,7 @@ class LogManager(Module):
         self._listeners: list[tuple[Service, list[int]]] = []
 
     def tell(self, line: str, level: int = _INFO, category: str = "pepper_drake") -> None:
-        """Tells the listeners of a line; call it on the server's loop only."""
+        """Sends a line to the listeners; only to be called on the server's event loop."""
         if not self._listeners:
             return
         now = (time.time_ns(),)
@@ -45,12 +45,12 @@ class LogManager(Module):
                 listener.emit("onLogMessagesWithBacklog", [message])
 
     def log(self, messages: list[tuple[Any, ...]]) -> None:
-        """Takes messages of a client."""
+        """Logs messages of a client."""
         for message in messages:
             self._log(f"{message[2]}: {message[4]}")
 
     def create_listener(self) -> Service:
-        """Returns a listener, until it is let go."""
+        """Returns a listener, which is removed when the client releases it."""
         level = [_INFO]
         listener = Service(description="listener to the log")
 
@@ -72,8 +72,8 @@ class LogManager(Module):
     get_listener = create_listener
 
     def add_provider(self, _provider: Any) -> int:
-        """Takes who would log; returns a number for it. It logs by `log`."""
+        """Returns a number for a provider of messages; it calls `log`."""
         return next(self._providers)
 
     def remove_provider(self, _number: int) -> None:
-        """Forgets who would log."""
+        """Has no effect."""

@@ -1,4 +1,4 @@
-"""Tablet, sound, animations, recordings: what programs show and play, as lines in the log."""
+"""Tablet, sound and animations: what programs show and play, as lines in the log."""
 
 import itertools
 from collections.abc import Callable
@@ -12,7 +12,7 @@ Log = Callable[[str], None]
 
 
 class Tablet(Module):
-    """ALTabletService: what it would show stands in the log; nobody touches it."""
+    """ALTabletService: its display is described in the log; nobody touches it."""
 
     def __init__(self, log: Log) -> None:
         super().__init__("ALTabletService")
@@ -34,7 +34,7 @@ class Tablet(Module):
         return "DISCONNECTED"
 
     def get_wifi_mac_address(self) -> str:
-        """Returns the address of the tablet's own network: it has none."""
+        """Returns the MAC address of the tablet's network: it has none."""
         return ""
 
     def get_available_keyboards(self) -> list[str]:
@@ -42,7 +42,7 @@ class Tablet(Module):
         return []
 
     def get_last_video_error_log(self) -> str:
-        """Returns what went wrong with a video: nothing."""
+        """Returns the last error of a video: none."""
         return ""
 
     def get_current_life_activity(self) -> str:
@@ -103,13 +103,13 @@ for _name, _what in _SHOWN.items():
     setattr(
         Tablet,
         _name,
-        # Bound early: each method has its own words.
+        # Bound as a default, so that each method has its own words.
         lambda self, *arguments, _words=_what: self._show(_words, *arguments),
     )
 
 
 class AudioPlayer(Module):
-    """ALAudioPlayer: names of files in the log; no sound is made, so that none takes time."""
+    """ALAudioPlayer: logs the names of files; no sound is played, and calls take no time."""
 
     def __init__(self, log: Log) -> None:
         super().__init__("ALAudioPlayer")
@@ -150,7 +150,7 @@ class AudioPlayer(Module):
         self.play_file(name)
 
     def play_web_stream(self, address: str, *_: float) -> None:
-        """Plays what an address gives."""
+        """Plays a stream."""
         self.play_file(address)
 
     def play_sound_set_file(self, *names: Any) -> None:
@@ -161,7 +161,7 @@ class AudioPlayer(Module):
         """Loads a set of sounds."""
 
     def unload_sound_set(self, _name: str) -> None:
-        """Forgets a set of sounds."""
+        """Unloads a set of sounds."""
 
     def get_loaded_sound_sets_list(self) -> list[str]:
         """Returns the loaded sets of sounds: there are none."""
@@ -192,28 +192,28 @@ class AudioPlayer(Module):
         self._file(number)
 
     def stop(self, number: int) -> None:
-        """Stops a file, or a call that was started beside its caller."""
+        """Stops a file, or an asynchronous call."""
         super().stop(number)
 
     def stop_all(self) -> None:
         """Stops all files."""
 
     def go_to(self, number: int, _position: float) -> None:
-        """Goes to a time in a file [s]."""
+        """Seeks in a file [s]."""
         self._file(number)
 
     def get_current_position(self, number: int) -> float:
-        """Returns how much of a file was played [s]: it takes no time."""
+        """Returns the position in a file [s]: 0, as playing takes no time."""
         self._file(number)
         return 0.0
 
     def get_file_length(self, number: int) -> float:
-        """Returns a file's duration [s]: no sound is read, and it takes no time."""
+        """Returns a file's duration [s]: 0, as no sound is read."""
         self._file(number)
         return 0.0
 
     def set_panorama(self, pan: float) -> None:
-        """Takes where the sound is to come from, -1 left to 1 right."""
+        """Checks the panorama, from -1 (left) to 1 (right)."""
         if not -1.0 <= pan <= 1.0:
             raise ValueError(f"the panorama is {pan:g}; it must be in [-1, 1]")
 
@@ -226,12 +226,12 @@ class AudioPlayer(Module):
         return list(self._files)
 
     def unload_file(self, number: int) -> None:
-        """Forgets a file."""
+        """Unloads a file."""
         self._file(number)
         del self._files[number]
 
     def unload_all_files(self) -> None:
-        """Forgets all files."""
+        """Unloads all files."""
         self._files.clear()
 
     def set_volume(self, number: int, volume: float) -> None:
@@ -251,7 +251,7 @@ class AudioPlayer(Module):
 
 
 class AnimationPlayer(Module):
-    """ALAnimationPlayer: names of animations in the log; the maker's files are not here."""
+    """ALAnimationPlayer: logs the names of animations; the maker's files are not available."""
 
     def __init__(self, log: Log) -> None:
         super().__init__("ALAnimationPlayer")
@@ -262,17 +262,17 @@ class AnimationPlayer(Module):
         self._log(f"animation {name} is the maker's and not available: nothing moves")
 
     def run_tag(self, *names: str) -> None:
-        """As `run`, of any animation with a tag."""
+        """As `run`, for any animation with a tag."""
         self.run(" ".join(names))
 
     def add_tag_for_animations(self, _tags: Any) -> None:
-        """Takes tags."""
+        """Accepts tags without effect."""
 
     def declare_path_for_tags(self, _path: str) -> None:
-        """Takes a folder of animations."""
+        """Accepts a folder of animations without effect."""
 
     def reset(self) -> None:
-        """Forgets the tags."""
+        """Has no effect."""
 
 
 class Notifications(Module):
@@ -309,7 +309,7 @@ class Notifications(Module):
 
 
 def topic_name(text: str) -> str:
-    """Returns the name of a topic: that in its text, or that of its file without the language."""
+    """Returns the name of a topic, from its text, or from its file's name without the language."""
     for line in text.splitlines():
         if line.strip().startswith("topic:"):
             return line.partition(":")[2].strip().lstrip("~").partition("(")[0].strip()

@@ -1,4 +1,4 @@
-"""ALMemory: values by key, events, and the keys under which the robot's sensors stand."""
+"""ALMemory: values by key, events, and the keys of the robot's sensors."""
 
 import asyncio
 from collections import deque
@@ -16,7 +16,7 @@ from pepper_drake.robot_server.wire.service import (
 )
 
 _HISTORY = 100
-"""Values of an event that are remembered."""
+"""Length of an event's history."""
 
 
 @dataclass
@@ -28,7 +28,7 @@ class _Entry:
 class Memory(Module):
     """ALMemory.
 
-    A key's value is what was last put there, or what a function computes whenever it is read:
+    A key's value is stored, or computed by a function whenever it is read:
     the sensors' keys are functions of the robot's newest state.
     """
 
@@ -38,8 +38,8 @@ class Memory(Module):
         """Makes an empty memory.
 
         Args:
-            clock: Tells the robot's time [s].
-            finder: Tells the directory, for events that call a client's module, or None.
+            clock: Returns the robot's time [s].
+            finder: Returns the directory, for events that call a client's module, or None.
         """
         super().__init__("ALMemory")
         self._clock = clock
@@ -56,15 +56,15 @@ class Memory(Module):
     # For the other services.
 
     def compute(self, keys: Mapping[str, Callable[[], Any]]) -> None:
-        """Has keys computed whenever they are read."""
+        """Sets the functions of computed keys."""
         self._computed |= keys
 
     def put(self, key: str, value: Any) -> None:
-        """Puts a value, telling nobody."""
+        """Stores a value without an event."""
         self._data[key] = _Entry(value, self._clock())
 
     def value_or_none(self, key: Any) -> Any:
-        """Returns the value of a key, None if there is none."""
+        """Returns the value of a key, or None."""
         try:
             return self.get_data(key)
         except (ValueError, TypeError, ServiceError):
@@ -81,17 +81,17 @@ class Memory(Module):
         return self._data[key].value
 
     def get_data_on_change(self, key: str, _deprecated: int = 0) -> Any:
-        """Returns the value of a key (deprecated since long)."""
+        """Returns the value of a key (long deprecated)."""
         return self.get_data(key)
 
     def get_list_data(self, keys: Any) -> list[Any]:
-        """Returns the values of keys, None for one that is not there."""
+        """Returns the values of keys, None for a missing one."""
         if not isinstance(keys, list | tuple):
             raise ValueError("the keys must be a list")
         return [self.value_or_none(key) for key in keys]
 
     def get_timestamp(self, key: str) -> list[Any]:
-        """Returns a key's value and when it came, in seconds and microseconds."""
+        """Returns a key's value and time stamp, in seconds and microseconds."""
         value = self.get_data(key)
         time = self._data[key].time if key in self._data else self._clock()
         return [value, *split_time(time)]
@@ -111,13 +111,13 @@ class Memory(Module):
         return sorted(self._data.keys() | self._computed.keys())
 
     def insert_data(self, key: str, value: Any) -> None:
-        """Puts a value, telling nobody."""
+        """Stores a value without an event."""
         if key in self._computed:
             raise ValueError(f"{key} is the robot's own and cannot be written")
         self.put(key, value)
 
     def insert_list_data(self, pairs: Any) -> None:
-        """Puts values, given as [[key, value], ...]."""
+        """Stores values, given as [[key, value], ...]."""
         if not isinstance(pairs, list | tuple):
             raise ValueError("the list must hold [key, value]")
         for pair in pairs:
@@ -126,34 +126,34 @@ class Memory(Module):
             self.insert_data(pair[0], pair[1])
 
     def remove_data(self, key: str) -> None:
-        """Forgets a key."""
+        """Removes a key."""
         if self._data.pop(key, None) is None:
             raise ValueError(f"data not found: {key}")
 
     def declare_event(self, name: str, _extractor: str = "") -> None:
-        """Makes an event known."""
+        """Declares an event."""
         self._events.add(name)
 
     def raise_event(self, name: str, value: Any) -> None:
-        """Puts a value and tells all that subscribed to it."""
+        """Stores a value and notifies its subscribers."""
         self.put(name, value)
         self._events.add(name)
         past = self._history.setdefault(name, deque(maxlen=_HISTORY))
         past.append([value, *split_time(self._clock())])
-        self._tell(name, value)
+        self._notify(name, value)
 
     def raise_micro_event(self, name: str, value: Any) -> None:
-        """Puts a value and tells all that subscribed to it."""
+        """Stores a value and notifies its subscribers."""
         self.put(name, value)
-        self._tell(name, value)
+        self._notify(name, value)
 
     def remove_event(self, name: str) -> None:
-        """Forgets an event."""
+        """Removes an event."""
         self._events.discard(name)
         self._data.pop(name, None)
 
     def remove_micro_event(self, name: str) -> None:
-        """Forgets an event."""
+        """Removes an event."""
         self.remove_event(name)
 
     def get_event_list(self) -> list[str]:
@@ -161,7 +161,7 @@ class Memory(Module):
         return sorted(self._events | self._subscribers.keys() | self._modules.keys())
 
     def get_micro_event_list(self) -> list[str]:
-        """Returns no events: they are not told apart."""
+        """Returns no events: micro-events count as events."""
         return []
 
     def get_extractor_event(self, _extractor: str) -> list[str]:
@@ -177,7 +177,7 @@ class Memory(Module):
         return sorted(self._modules.get(name, ()))
 
     def subscriber(self, name: str) -> Service:
-        """Returns an object whose signal `signal` tells of an event."""
+        """Returns an object whose signal `signal` is emitted with an event."""
         self._events.add(name)
         service = Service(description=f"subscriber of {name}")
         service.add_signal("signal", "(m)")
@@ -192,9 +192,9 @@ class Memory(Module):
         return service
 
     def subscribe_to_event(self, name: str, module: str, *rest: str) -> None:
-        """Has an event call `method(key, value, message)` of a module that a client registered.
+        """Subscribes `method(key, value, message)` of a client's registered module to an event.
 
-        The method alone, or a message and the method.
+        `rest` is the method alone, or a message and the method.
         """
         message, method = ("", rest[0]) if len(rest) == 1 else rest
         self._events.add(name)
@@ -205,16 +205,16 @@ class Memory(Module):
         self.subscribe_to_event(name, module, message, method)
 
     def unsubscribe_to_event(self, name: str, module: str) -> None:
-        """Calls a module no more."""
+        """Ends a module's subscription."""
         if self._modules.get(name, {}).pop(module, None) is None:
             raise ValueError(f"{module} has not subscribed to {name}")
 
     def unsubscribe_to_micro_event(self, name: str, module: str) -> None:
-        """Calls a module no more."""
+        """Ends a module's subscription."""
         self.unsubscribe_to_event(name, module)
 
     def unregister_module_reference(self, module: str) -> None:
-        """Forgets a module."""
+        """Ends all subscriptions of a module."""
         for modules in self._modules.values():
             modules.pop(module, None)
 
@@ -226,7 +226,7 @@ class Memory(Module):
         """Returns keys with their descriptions."""
         return [[key, self._descriptions.get(key, "")] for key in keys]
 
-    def _tell(self, name: str, value: Any) -> None:
+    def _notify(self, name: str, value: Any) -> None:
         for service in list(self._subscribers.get(name, ())):
             service.emit("signal", value)
         finder = self._finder()
@@ -238,7 +238,7 @@ class Memory(Module):
                 call = asyncio.get_running_loop().create_task(
                     _call(target, method, name, value, message)
                 )
-                # The loop itself holds its tasks weakly.
+                # The loop itself only holds weak references to tasks.
                 self._pending.add(call)
                 call.add_done_callback(self._pending.discard)
 
@@ -246,7 +246,7 @@ class Memory(Module):
 async def _call(
     target: Service | RemoteObject, method: str, name: str, value: Any, message: str
 ) -> None:
-    """Calls a client's module; what it answers, or that it fails, is its own affair."""
+    """Calls a client's module; its answer or failure is ignored."""
     if isinstance(target, Service):
         return
     try:

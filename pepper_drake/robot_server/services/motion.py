@@ -1,4 +1,4 @@
-"""ALMotion: joints, stiffness, tasks, places of frames; with `BaseMoves` and `MotionSettings`."""
+"""ALMotion: joints, stiffness, tasks, poses of frames; with `BaseMoves` and `MotionSettings`."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
@@ -70,8 +70,8 @@ _NOT_ON_PEPPER = "Cartesian control is not available on Pepper"
 class Motion(BaseMoves, MotionSettings, Module):
     """ALMotion.
 
-    `step` is its cycle: it reads the robot's state, lets tasks and targets make the next command,
-    and passes it on.
+    `step` is its cycle: it reads the robot's state, computes the next command from tasks and
+    targets, and sends it.
 
     Attributes:
         joints: The joints' commands and stiffnesses.
@@ -85,12 +85,12 @@ class Motion(BaseMoves, MotionSettings, Module):
         log: Callable[[str], None] = lambda _: None,
         awake: bool = False,
     ) -> None:
-        """Makes ALMotion of a robot that stands still.
+        """Makes ALMotion for a robot at rest.
 
         Args:
             port: The robot.
-            raise_event: Puts a value into ALMemory and tells who subscribed.
-            log: Takes a line when one client moves what another one was moving.
+            raise_event: Stores a value in ALMemory and notifies its subscribers.
+            log: Takes a line when a client moves what another one was moving.
             awake: Whether its joints are stiff from the start.
         """
         state = port.state()
@@ -106,7 +106,7 @@ class Motion(BaseMoves, MotionSettings, Module):
             self.joints.stiffness[:] = 1.0
 
     def step(self) -> None:
-        """Does one cycle of 20 ms."""
+        """Runs one cycle of 20 ms."""
         self.state = self._port.state()
         self.odometry.pose = self.state.base_pose
         self._history.add(self.state.time, [*self.state.positions, *self.state.base_pose])
@@ -219,7 +219,7 @@ class Motion(BaseMoves, MotionSettings, Module):
 
     @with_caller
     def set_angles(self, caller: Caller, names: Any, angles: Any, fraction_max_speed: Any) -> None:
-        """Sends joints to targets [rad] from now on; returns at once."""
+        """Sets targets of joints [rad]; returns at once."""
         targets = one_each(names, angles, "angles")
         self._movers.claim(caller, targets)
         if isinstance(fraction_max_speed, list | tuple):
@@ -233,7 +233,7 @@ class Motion(BaseMoves, MotionSettings, Module):
     def change_angles(
         self, caller: Caller, names: Any, changes: Any, fraction_max_speed: float
     ) -> None:
-        """Sends joints by differences [rad] from where they are commanded now."""
+        """Sets targets of joints by differences [rad] from their commands."""
         targets = {
             name: change + float(self.joints.command[INDEX[name]])
             for name, change in one_each(names, changes, "changes").items()
@@ -242,7 +242,7 @@ class Motion(BaseMoves, MotionSettings, Module):
         retarget(self.joints, self.tasks, targets, fraction(fraction_max_speed))
 
     def get_angles(self, names: Any, use_sensors: bool) -> list[float]:
-        """Returns measured or commanded angles [rad]; wheels have none, theirs are 0."""
+        """Returns measured or commanded angles [rad], 0 for wheels."""
         source = self.state.positions if use_sensors else self.joints.command
         return [
             0.0 if name in WHEELS else float(source[INDEX[name]]) for name in joint_names(names)
@@ -285,13 +285,13 @@ class Motion(BaseMoves, MotionSettings, Module):
         return _named(name, lambda: kinematics().mass(name))
 
     def get_com(self, name: str, frame: int, use_sensors: bool) -> list[float]:
-        """Returns where the mass of `getMass` is in a frame: x, y, z [m]."""
+        """Returns the centre of mass of `getMass`'s mass in a frame: x, y, z [m]."""
         q = self.state.positions if use_sensors else self.joints.command
         base = self.state.base_pose
         return _named(name, lambda: kinematics().center_of_mass(name, frame, q, base).tolist())
 
     def get_sensor_names(self) -> list[str]:
-        """Returns the sensors whose place can be asked."""
+        """Returns the sensors with a known pose."""
         return list(SENSOR_NAMES)
 
     def get_body_names(self, name: str) -> list[str]:
@@ -312,7 +312,7 @@ class Motion(BaseMoves, MotionSettings, Module):
         return round(CYCLE * 1000)
 
     def get_robot_config(self) -> list[list[Any]]:
-        """Returns names and values of the robot's make."""
+        """Returns names and values of the robot's configuration."""
         config: dict[str, Any] = {
             "Model Type": "juliette",
             "Head Version": "VERSION_16",
@@ -361,7 +361,7 @@ class Motion(BaseMoves, MotionSettings, Module):
         self.tasks.kill_where(lambda task: bool(task.resources & names))
 
     def kill_all(self) -> None:
-        """Ends all tasks; joints under way to a target brake, too."""
+        """Ends all tasks; joints moving to a target brake, too."""
         self.tasks.kill_where(lambda task: True)
         self.stop_move()
         self.joints.halt(JOINTS)
@@ -369,9 +369,9 @@ class Motion(BaseMoves, MotionSettings, Module):
     # For the other services.
 
     async def go_to(self, targets: Mapping[str, float], share: float, name: str) -> bool:
-        """Moves joints to targets [rad] as one task; returns whether it was not killed.
+        """Moves joints to targets [rad] as one task; returns False if it was killed.
 
-        The joint with the longest way goes at most at `share` of its largest speed; all arrive
+        The joint with the longest motion moves at most at `share` of its largest speed; all arrive
         together.
         """
         if share <= 0.0:
@@ -456,7 +456,7 @@ class Motion(BaseMoves, MotionSettings, Module):
 
 
 def _named(name: str, compute: Callable[[], _T]) -> _T:
-    """Computes something of a frame; a ValueError if there is none of that name."""
+    """Computes a property of a frame; raises ValueError if there is no frame of that name."""
     try:
         return compute()
     except UnknownFrameError:

@@ -1,7 +1,7 @@
-"""The shapes in which ALMotion takes names, angles and times, made into one.
+"""Conversion of ALMotion's forms of names, angles and times to one.
 
-A name may be a joint, a chain or "Body", and names one of these or a list of them. Values may be
-one number for all joints, one for each, or a list for each. Raises ValueError with a sentence.
+A name is a joint, a chain or "Body"; names are one of these or a list of them. Values are one
+number for all joints, one for each, or a list for each. Errors are ValueErrors with a sentence.
 """
 
 import math
@@ -12,11 +12,11 @@ from pepper_drake.naoqi.constants import BODY, GROUPS, WHEELS
 from pepper_drake.robot_server.robot.time_laws import BezierKey, Handle
 
 LONGEST_MOTION = 3600.0
-"""Longest motion along timed keys [s]: its path is made as a whole when it starts."""
+"""Longest motion along timed keys [s]: its path is computed as a whole when it starts."""
 
 
 def joint_names(names: Any) -> list[str]:
-    """Returns the joints and wheels that names stand for, in order.
+    """Returns the joints and wheels of names, in order.
 
     Raises:
         ValueError: There is no such joint or chain.
@@ -38,7 +38,7 @@ def one_each(names: Any, values: Any, what: str) -> dict[str, float]:
     """Returns one number for each joint, wheels left out.
 
     Args:
-        names: Names as ALMotion takes them.
+        names: Names in ALMotion's forms.
         values: One number for all, or one for each joint; for "Body" with or without the wheels.
         what: What the values are, for the error.
 
@@ -46,7 +46,7 @@ def one_each(names: Any, values: Any, what: str) -> dict[str, float]:
         Number by joint.
 
     Raises:
-        ValueError: A name is unknown, a value is no number, or there are too few or too many.
+        ValueError: A name is unknown, a value is not a number, or their number is wrong.
     """
     joints = joint_names(names)
     if _is_number(values):
@@ -67,7 +67,7 @@ def one_each(names: Any, values: Any, what: str) -> dict[str, float]:
 
 
 def one_for_each_chain(names: Any, values: Any) -> Any:
-    """Returns values as `one_each` takes them, where one was given for each of several chains."""
+    """Expands values given for each of several chains to values for `one_each`."""
     if not (isinstance(names, list | tuple) and isinstance(values, list | tuple)):
         return values
     if len(names) != len(values):
@@ -81,13 +81,13 @@ def lists_each(
     """Returns the timed keys of each joint, wheels left out.
 
     Args:
-        names: Names as ALMotion takes them.
-        values: A number for all; for one joint its keys; for several one number or one list each.
+        names: Names in ALMotion's forms.
+        values: A number for all; the keys of one joint; a number or a list for each of several.
         times: Likewise, from now, increasing [s].
         what: What the values are, for the error.
 
     Returns:
-        By joint its times [s] and values.
+        Times [s] and values by joint.
 
     Raises:
         ValueError: A name is unknown or the lists do not fit.
@@ -148,7 +148,7 @@ def number(value: Any, what: str) -> float:
     """Returns a finite number.
 
     Raises:
-        ValueError: It is none.
+        ValueError: It is not a finite number.
     """
     if not _is_number(value) or not math.isfinite(value):
         raise ValueError(f"{what} must be finite numbers, not {_brief(value)}")
@@ -159,7 +159,7 @@ def numbers(values: Any, count: int, what: str) -> list[float]:
     """Returns a list of finite numbers of a length.
 
     Raises:
-        ValueError: It is none.
+        ValueError: It is not such a list.
     """
     result = [number(value, what) for value in _as_list(values, what)]
     if len(result) != count:
@@ -170,10 +170,10 @@ def numbers(values: Any, count: int, what: str) -> list[float]:
 def settings(config: Any) -> dict[str, float]:
     """Returns a configuration `[[key, value], ...]` as numbers by key.
 
-    Keys that only other robots know are kept; whoever reads the settings passes over them.
+    Keys of other robots are included, and ignored by the reader.
 
     Raises:
-        ValueError: It is no list of pairs.
+        ValueError: It is not a list of pairs.
     """
     found = {}
     for pair in _as_list(config, "the configuration"):
@@ -230,7 +230,7 @@ def _nested(values: Any, count: int, what: str) -> list[list[float]]:
 
 
 def _without_wheels(joints: list[str], count: int) -> list[str]:
-    """Leaves the wheels out where values come for the joints alone."""
+    """Leaves the wheels out if there are values for the joints alone."""
     positioned = [joint for joint in joints if joint not in WHEELS]
     return positioned if count == len(positioned) else joints
 

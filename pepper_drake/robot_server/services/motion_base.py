@@ -29,9 +29,9 @@ class BaseMoves:
 
     Attributes:
         base: Its velocity.
-        tasks: Where moves stand with other tasks.
+        tasks: All tasks, moves included.
         state: The robot's newest state.
-        when_stopped: Called when the base is told to stop, be it under way or not.
+        when_stopped: Called when the base is told to stop, moving or not.
     """
 
     def __init__(self, state: RobotState, movers: Movers) -> None:
@@ -62,15 +62,15 @@ class BaseMoves:
     def set_walk_target_velocity(
         self, caller: Caller, x: float, y: float, theta: float, _frequency: float, *_config: Any
     ) -> None:
-        """As `moveToward`, its name on NAO; frequency and gait are of legs."""
+        """As `moveToward`, its name on NAO; frequency and gait are for legs."""
         self.move_toward(caller, x, y, theta)
 
     @with_caller
     async def move_to(self, caller: Caller, *arguments: Any) -> bool:
-        """Moves to a pose relative to the base [m, rad]; returns whether it got there.
+        """Moves to a pose relative to the base [m, rad]; returns whether it arrived.
 
-        The arguments are x, y, theta, or a list of them, or a list of such lists: poses to pass
-        through. A time [s] or a configuration or both may follow.
+        The arguments are x, y, theta, or a list of them, or a list of such lists: poses to pass. A
+        time [s], a configuration or both may follow.
         """
         if len(arguments) < 3:
             points, rest = _points(arguments[0]), arguments[1:]
@@ -94,13 +94,13 @@ class BaseMoves:
         return await self.move_to(caller, *arguments)
 
     def move_init(self) -> None:
-        """Makes ready to move; on wheels there is nothing to do."""
+        """Prepares for moving; has no effect on wheels."""
 
     def walk_init(self) -> None:
         """As `moveInit`, its name on NAO."""
 
     async def wait_until_move_is_finished(self) -> None:
-        """Returns when the base rests and no move is under way."""
+        """Returns when the base is at rest and no move is active."""
         while moves := self._moves():
             futures = [asyncio.ensure_future(_ended(task)) for task in moves]
             await asyncio.wait(futures)
@@ -110,7 +110,7 @@ class BaseMoves:
         await self.wait_until_move_is_finished()
 
     def move_is_active(self) -> bool:
-        """Returns whether a move is under way."""
+        """Returns whether a move is active."""
         return bool(self._moves()) or not self.base.resting
 
     def walk_is_active(self) -> bool:
@@ -118,7 +118,7 @@ class BaseMoves:
         return self.move_is_active()
 
     def stop_move(self) -> None:
-        """Brakes; moves under way end."""
+        """Brakes and ends active moves."""
         self.tasks.kill_where(lambda task: bool(task.resources & _WHEELS))
         self.base.stop()
         for end in self.when_stopped:
@@ -129,7 +129,7 @@ class BaseMoves:
         self.stop_move()
 
     def kill_move(self) -> None:
-        """As `stopMove`: on wheels it can be no less safe."""
+        """As `stopMove`: on wheels there is no less safe stop."""
         self.stop_move()
 
     def kill_walk(self) -> None:
@@ -148,7 +148,7 @@ class BaseMoves:
         return list(self.state.base_pose)
 
     def get_next_robot_position(self) -> list[float]:
-        """Returns where the base will stand when the move is over."""
+        """Returns the base's pose at the end of the current move."""
         goals = [
             task.motion.goal
             for task in self._moves()

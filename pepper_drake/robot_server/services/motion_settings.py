@@ -1,4 +1,4 @@
-"""ALMotion's switches: protections, reflexes, idle movements. Kept, and told when asked."""
+"""ALMotion's switches of protections, reflexes and idle movements: stored and returned."""
 
 from typing import Any
 
@@ -13,8 +13,8 @@ _IDLE = ("Body", "Legs", "Arms", "LArm", "RArm", "Head", *CHAINS)
 class MotionSettings:
     """Switches of ALMotion.
 
-    The simulated robot neither breathes nor clips its arm's speed near what it sees; the switches
-    keep what programs set, so that they read it back.
+    The simulated robot neither breathes nor slows its arms near obstacles; the switches only store
+    what programs set.
 
     Attributes:
         protected: External-collision protection by name.
@@ -34,7 +34,7 @@ class MotionSettings:
         )
 
     def set_collision_protection_enabled(self, chain: str, enabled: bool) -> bool:
-        """Switches the arms' protection from the body; returns that it was done."""
+        """Switches the arms' protection from the body; returns True."""
         names = _SELF_PROTECTED if chain == "Arms" else (chain,)
         self._self_protected |= dict.fromkeys(_known(names, self._self_protected), enabled)
         return True
@@ -53,24 +53,24 @@ class MotionSettings:
         return self.protected[_known((name,), self.protected)[0]]
 
     def is_collision(self, chain: str) -> str:
-        """Tells whether a chain is about to hit the body: the simulated body is not checked."""
+        """Returns "none": self-collisions of the simulated body are not checked."""
         _known((chain,), self._self_protected)
         return "none"
 
     def set_orthogonal_security_distance(self, distance: float) -> None:
-        """Sets how near the base comes to what is ahead [m]."""
+        """Sets the base's distance to keep ahead [m]."""
         self._distances["orthogonal"] = _distance(distance)
 
     def get_orthogonal_security_distance(self) -> float:
-        """Returns how near the base comes to what is ahead [m]."""
+        """Returns the base's distance to keep ahead [m]."""
         return self._distances["orthogonal"]
 
     def set_tangential_security_distance(self, distance: float) -> None:
-        """Sets how near the base comes to what is beside [m]."""
+        """Sets the base's distance to keep at its sides [m]."""
         self._distances["tangential"] = _distance(distance)
 
     def get_tangential_security_distance(self) -> float:
-        """Returns how near the base comes to what is beside [m]."""
+        """Returns the base's distance to keep at its sides [m]."""
         return self._distances["tangential"]
 
     def set_fall_manager_enabled(self, enabled: bool) -> None:
@@ -98,11 +98,11 @@ class MotionSettings:
         return self._switches["smart stiffness"]
 
     def set_diagnosis_effect_enabled(self, enabled: bool) -> None:
-        """Switches what diagnosis does."""
+        """Switches the effects of the diagnosis."""
         self._switches["diagnosis"] = enabled
 
     def get_diagnosis_effect_enabled(self) -> bool:
-        """Returns whether diagnosis does something."""
+        """Returns whether the diagnosis has effects."""
         return self._switches["diagnosis"]
 
     def set_enable_notifications(self, enabled: bool) -> None:
@@ -156,7 +156,7 @@ class MotionSettings:
         return list(self._arms_move.values())
 
     def set_motion_config(self, _config: Any) -> None:
-        """Takes a configuration; nothing of it concerns the simulation."""
+        """Accepts a configuration without effect."""
 
 
 def _known(names: tuple[str, ...], table: dict[str, bool]) -> tuple[str, ...]:

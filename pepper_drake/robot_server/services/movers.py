@@ -1,18 +1,18 @@
-"""The clients that move the robot: the last one wins, and the log says whose move it took."""
+"""Arbitration of clients that move the robot: the last one wins, and the log reports conflicts."""
 
 from collections.abc import Callable, Iterable
 
 from pepper_drake.robot_server.wire.service import Caller
 
 _RECENT = 1.0
-"""Time after its last command during which a client still moves a joint [s]."""
+"""Time after its last command for which a client counts as moving a joint [s]."""
 
 
 class Movers:
     """Remembers which client moved which joint last."""
 
     def __init__(self, log: Callable[[str], None], now: Callable[[], float]) -> None:
-        """Makes a memory without movers.
+        """Starts without movers.
 
         Args:
             log: Takes a line, once for each pair of clients.
@@ -21,17 +21,17 @@ class Movers:
         self._log = log
         self._now = now
         self._last: dict[str, tuple[Caller, float]] = {}
-        self._told: set[tuple[int, int]] = set()
+        self._logged: set[tuple[int, int]] = set()
 
     def claim(self, caller: Caller, joints: Iterable[str]) -> None:
-        """Notes that a client moves joints."""
+        """Records that a client moves joints."""
         now = self._now()
         for joint in joints:
             before, time = self._last.get(joint, (caller, now))
             self._last[joint] = (caller, now)
             pair = (before.client, caller.client)
-            if before.client != caller.client and now - time < _RECENT and pair not in self._told:
-                self._told.add(pair)
+            if before.client != caller.client and now - time < _RECENT and pair not in self._logged:
+                self._logged.add(pair)
                 self._log(f"{_name(caller)} moves {joint}, which {_name(before)} was moving")
 
 

@@ -1,4 +1,4 @@
-"""ALNavigation: moves of the base, and the map of the floor that its lasers make."""
+"""ALNavigation: moves of the base, and mapping of the floor with its lasers."""
 
 import asyncio
 import math
@@ -35,28 +35,28 @@ from pepper_drake.robot_server.wire.signatures import with_caller
 
 _FOLDER = "/home/nao/.local/share/Explorer"
 _AROUND = (0.0, math.radians(50.0), math.radians(-100.0), math.radians(50.0))
-"""Turns, after each of which the lasers look: together they see all around [rad]."""
+"""Turns before each scan: together the scans cover all directions [rad]."""
 _DONE, _FAILED = 0, 1
-_MOST_WAYS = 8
-"""Times that a way is looked for to a place, with what was seen on the way before."""
+_MOST_PLANS = 8
+"""Largest number of replannings to a goal, each with the scans so far."""
 _WORST_MATCH = 2 * CELL
-"""Mean distance of what the lasers see from the map beyond which the robot is not found in it."""
+"""Largest mean distance of a scan's hits from the map for a localization [m]."""
 _EXPLORING, _IN_MAP, _STRAIGHT = "explore", "navigateToInMap", "navigateTo"
 _ALONG = "moveAlong"
 _DRIVES = (_EXPLORING, _IN_MAP, _STRAIGHT, _ALONG)
 _CIRCLE_POINTS = 16
-"""Places to pass through on a circle."""
+"""Waypoints on a circle."""
 _NOT_LOCALIZED = "the robot is not localized; startLocalization does it"
 
 Look = Callable[[], Awaitable[FloorMap]]
-"""Looks around, and returns the map with what was seen."""
+"""Takes a scan, and returns the updated map."""
 
 
 class Navigation(Module):
-    """ALNavigation. `navigateTo` moves straight; in a map the base goes around what it saw.
+    """ALNavigation. `navigateTo` moves straight; in a map the base avoids mapped obstacles.
 
-    What takes time is one task: while it runs no other is begun, and whatever stops the base ends
-    it. Work on a whole map is done on another thread, so that other calls need not wait.
+    Work that takes time is one task: while it runs no other may start, and anything that stops the
+    base ends it. Work on a whole map runs on another thread, so that other calls need not wait.
     """
 
     def __init__(self, moves: Any, timer: RobotTimer, disk: RobotDisk) -> None:
@@ -65,12 +65,12 @@ class Navigation(Module):
         Args:
             moves: ALMotion.
             timer: The robot's clock.
-            disk: Where maps are kept.
+            disk: For the maps.
         """
         super().__init__("ALNavigation")
         self._moves, self._timer, self._disk = moves, timer, disk
         self._map: FloorMap | None = None
-        self._X_WM = np.zeros(3)  # The map in the odometry's world.
+        self._X_WM = np.zeros(3)  # Pose of the map in the odometry's world.
         self._path = ""
         self._is_localized = False
         self._work: asyncio.Task[int] | None = None
@@ -82,7 +82,7 @@ class Navigation(Module):
 
     @with_caller
     async def navigate_to(self, caller: Caller, x: float, y: float, *rest: Any) -> bool:
-        """Moves straight to a place relative to the base [m, rad]; returns whether it got there."""
+        """Moves straight to a pose relative to the base [m, rad]; returns whether it arrived."""
         theta = next((value for value in rest if isinstance(value, int | float)), 0.0)
 
         async def drive() -> int:
@@ -96,12 +96,12 @@ class Navigation(Module):
 
     @with_caller
     async def move_along(self, caller: Caller, trajectory: Any) -> bool:
-        """Moves along a trajectory; returns whether it got to its end.
+        """Moves along a trajectory; returns whether it reached the end.
 
         Args:
-            caller: Who calls.
+            caller: The calling client.
             trajectory: `["Holonomic", path, theta, seconds]`, or `["Composed", ...]` of several,
-                each from where the one before ended. A path is `["Line", [x, y]]`,
+                each from the end of the last one. A path is `["Line", [x, y]]`,
                 `["Circle", [x, y], angle]` around a centre, or `["Composed", ...]` [m, rad].
         """
         parts = _moves_along(trajectory)
@@ -115,15 +115,15 @@ class Navigation(Module):
         return await self._run(_ALONG, drive()) == _DONE
 
     async def find_free_zone(self, radius: float, farthest: float) -> list[Any]:
-        """Looks for a place around which nothing stands; what the lasers miss counts as nothing.
+        """Looks for a free circle; what the lasers do not hit counts as free.
 
         Args:
             radius: Of the free circle [m].
             farthest: Its largest distance from the base [m].
 
         Returns:
-            0, or 1 if there is none; the radius that was found [m]; x and y of the nearest such
-            place, else of the freest, in the world [m].
+            0, or 1 if there is none; the free radius found [m]; x and y of the nearest such place,
+            else of that with the largest radius, in the world [m].
         """
         number(radius, "the radius")
         if not 0.0 <= number(farthest, "the distance") <= EXTENT:
@@ -148,7 +148,7 @@ class Navigation(Module):
 
     @with_caller
     async def explore(self, caller: Caller, radius: float) -> int:
-        """Maps the floor within a radius [m]; returns 0, or 1 if it was stopped or hindered."""
+        """Maps the floor within a radius [m]; returns 0, or 1 if it was stopped or blocked."""
         if not 0.0 < number(radius, "radius") <= EXTENT:
             raise ValueError(
                 f"the radius is {radius:g} m; it must be above 0 and at most {EXTENT:g}"
@@ -156,7 +156,7 @@ class Navigation(Module):
         return await self._run(_EXPLORING, self._explore(caller, radius))
 
     def stop_exploration(self) -> None:
-        """Stops an exploration; what it saw is kept."""
+        """Stops an exploration; its map is kept."""
         if self._work is not None and self._work.get_name() == _EXPLORING:
             self._moves.stop_move()
 
@@ -165,21 +165,21 @@ class Navigation(Module):
         known = self._known()
         now = datetime.fromtimestamp(self._timer.now, UTC)
         name = f"{now:%Y-%m-%dT%H%M%S}.{now.microsecond // 1000:03d}Z.explo"
-        told, place = self._disk.place(_FOLDER, name)
+        path, place = self._disk.place(_FOLDER, name)
         try:
             await asyncio.to_thread(write_floor_map, known, place)
         except InputError as error:
-            raise ValueError(_as_told(error, told, place)) from None
-        self._path = told
-        return told
+            raise ValueError(_with_path(error, path, place)) from None
+        self._path = path
+        return path
 
     async def load_exploration(self, path: str) -> int:
-        """Reads a map, which the robot takes itself to be at the origin of; returns 0."""
+        """Reads a map; the robot's current pose is taken as its origin; returns 0."""
         where = PurePosixPath(path)
-        told, place = self._disk.place(str(PurePosixPath(_FOLDER) / where.parent), where.name)
+        path, place = self._disk.place(str(PurePosixPath(_FOLDER) / where.parent), where.name)
         if not place.is_file():
-            raise ValueError(f"there is no exploration {told}")
-        return await self._run("loadExploration", self._load(told, place))
+            raise ValueError(f"there is no exploration {path}")
+        return await self._run("loadExploration", self._load(path, place))
 
     def get_exploration_path(self) -> str:
         """Returns the path of the map that was saved or loaded."""
@@ -190,8 +190,7 @@ class Navigation(Module):
     async def get_metrical_map(self) -> list[Any]:
         """Returns metres per pixel, width, height, x and y of the top left, and the pixels.
 
-        A pixel is 0 where the floor is free, 100 where something stands, and 50 where nothing is
-        known.
+        A pixel is 0 for free, 100 for occupied, and 50 for unknown.
         """
         known = self._known()
         rows, columns = known.log_odds.shape
@@ -201,15 +200,15 @@ class Navigation(Module):
         return [CELL, columns, rows, top_left, Typed("[m]", percent.ravel())]
 
     async def start_localization(self) -> None:
-        """Finds the robot in the map, near where it takes itself to be."""
+        """Localizes the robot in the map, near its estimated pose."""
         await self._run("startLocalization", self._localize(self._pose()))
 
     def stop_localization(self) -> None:
-        """Forgets where in the map the robot is."""
+        """Discards the robot's pose in the map."""
         self._is_localized = False
 
     async def relocalize_in_map(self, guess: Sequence[float]) -> list[list[float]]:
-        """Finds the robot in the map near a guess: x, y and maybe theta [m, rad]."""
+        """Localizes the robot in the map near a guess: x, y and optionally theta [m, rad]."""
         known = self._known()
         x, y, *rest = numbers(guess, len(guess) if len(guess) in (2, 3) else 3, "the pose")
         if not known.contains((x, y)):
@@ -219,24 +218,24 @@ class Navigation(Module):
         return self.get_robot_position_in_map()
 
     def get_robot_position_in_map(self) -> list[list[float]]:
-        """Returns x, y, theta in the map [m, rad], and how far off each may be."""
+        """Returns x, y, theta in the map [m, rad], and the uncertainty of each."""
         if not self._is_localized:
             raise ValueError(_NOT_LOCALIZED)
         return [self._pose().tolist(), [CELL, CELL, CELL]]
 
     @with_caller
     async def navigate_to_in_map(self, caller: Caller, goal: Sequence[float]) -> int:
-        """Goes to x, y, theta in the map [m, rad]; returns 0, or 1 if it did not get there."""
+        """Drives to x, y, theta in the map [m, rad]; returns 0, or 1 if it did not arrive."""
         target = numbers(goal, 3, "the pose")
         if not self._is_localized:
             raise ValueError(_NOT_LOCALIZED)
         return await self._run(_IN_MAP, self._navigate(caller, self._known(), target))
 
     async def _run(self, name: str, work: Coroutine[Any, Any, int]) -> int:
-        """Does the one piece of work; returns what it returns, or 1 if it was stopped.
+        """Runs work as the only one; returns its result, or 1 if it was stopped.
 
         Raises:
-            ValueError: Another one is under way.
+            ValueError: Other work is running.
         """
         if self._work is not None:
             work.close()
@@ -246,11 +245,11 @@ class Navigation(Module):
             await asyncio.wait({task})
             return _FAILED if task.cancelled() else task.result()
         finally:
-            task.cancel()  # If its caller has cancelled the call, or has left.
+            task.cancel()  # If its caller cancelled the call or has disconnected.
             self._work = None
 
     def _stop(self) -> None:
-        """Ends work that drives the base, wherever it waits."""
+        """Cancels work that drives the base."""
         if self._work is not None and self._work.get_name() in _DRIVES:
             self._work.cancel()
 
@@ -259,12 +258,12 @@ class Navigation(Module):
         known = FloorMap()
         self._X_WM = np.array(self._moves.state.base_pose)
         self._map, self._path, self._is_localized = known, "", False
-        # Each of them is left out from then on, so that it comes to an end.
+        # Visited places are not visited again, so that the exploration ends.
         looked_from: list[Vector] = []
 
         async def look() -> FloorMap:
             nonlocal known
-            known = self._map = await self._seen(known, await self._look())
+            known = self._map = await self._add_scan(known, await self._look())
             return known
 
         while True:
@@ -274,35 +273,35 @@ class Navigation(Module):
                 await look()
             here = self._pose()
             looked_from.append(here[:2])
-            way = await asyncio.to_thread(known.frontier, here, radius, looked_from)
-            if way is None:
+            waypoints = await asyncio.to_thread(known.frontier, here, radius, looked_from)
+            if waypoints is None:
                 return _DONE
-            looked_from.append(way[-1])
-            if not await self._follow(caller, way, look):
+            looked_from.append(waypoints[-1])
+            if not await self._follow(caller, waypoints, look):
                 return _FAILED
 
-    async def _load(self, told: str, place: Path) -> int:
+    async def _load(self, path: str, place: Path) -> int:
         try:
             known = await asyncio.to_thread(read_floor_map, place)
         except InputError as error:
-            raise ValueError(f"not an exploration: {_as_told(error, told, place)}") from None
-        self._map, self._path, self._is_localized = known, told, False
+            raise ValueError(f"not an exploration: {_with_path(error, path, place)}") from None
+        self._map, self._path, self._is_localized = known, path, False
         self._X_WM = np.array(self._moves.state.base_pose)
         return _DONE
 
     async def _navigate(self, caller: Caller, known: FloorMap, target: list[float]) -> int:
-        for _ in range(_MOST_WAYS):
+        for _ in range(_MOST_PLANS):
             scan = await self._look()
             await self._locate(known, scan, self._pose())
-            seen = await self._seen(known, scan)
+            seen = await self._add_scan(known, scan)
 
             async def look() -> FloorMap:
                 nonlocal seen
-                seen = await self._seen(seen, await self._look())
+                seen = await self._add_scan(seen, await self._look())
                 return seen
 
-            way = await asyncio.to_thread(seen.path, self._pose(), target)
-            if way is None or not await self._follow(caller, way, look):
+            waypoints = await asyncio.to_thread(seen.path, self._pose(), target)
+            if waypoints is None or not await self._follow(caller, waypoints, look):
                 return _FAILED
             x, y, theta = self._pose()
             if math.hypot(target[0] - x, target[1] - y) < CELL:
@@ -310,12 +309,12 @@ class Navigation(Module):
                 return _DONE if await self._moves.move_to(caller, 0.0, 0.0, turn) else _FAILED
         return _FAILED
 
-    async def _follow(self, caller: Caller, way: list[Vector], look: Look) -> bool:
-        """Drives along a way until it is at its end, or sees that it is blocked.
+    async def _follow(self, caller: Caller, waypoints: list[Vector], look: Look) -> bool:
+        """Drives along waypoints until the end, or until the path is seen to be blocked.
 
-        Returns whether the robot did what it was told.
+        Returns whether all moves succeeded.
         """
-        for point in way:
+        for point in waypoints:
             x, y, theta = self._pose()
             ahead = math.atan2(point[1] - y, point[0] - x)
             turn = math.remainder(ahead - theta, 2 * math.pi)
@@ -324,19 +323,19 @@ class Navigation(Module):
             seen = await look()
             here = self._pose()
             if not await asyncio.to_thread(seen.leads_straight, here, point):
-                return True  # Something stands there: another way is looked for.
+                return True  # Blocked: the caller plans another path.
             distance = math.hypot(point[0] - here[0], point[1] - here[1])
             if not await self._moves.move_to(caller, distance, 0.0, 0.0):
                 return False
         return True
 
     async def _look(self) -> LaserScan:
-        """Waits for a scan that was taken at rest."""
+        """Waits for a scan taken at rest."""
         await self._timer.sleep(2 * PERIOD)
         return self._scan()
 
-    async def _seen(self, known: FloorMap, scan: LaserScan) -> FloorMap:
-        """Returns a map with a scan that was taken where the base is."""
+    async def _add_scan(self, known: FloorMap, scan: LaserScan) -> FloorMap:
+        """Returns a map updated with a scan from the base's current pose."""
         return await asyncio.to_thread(known.with_scan, scan, self._pose())
 
     def _scan(self) -> LaserScan:
@@ -351,18 +350,18 @@ class Navigation(Module):
         return self._map
 
     def _pose(self) -> Vector:
-        """The base in the map."""
+        """Returns the base's pose in the map."""
         return composed(inverted(self._X_WM), self._moves.state.base_pose)
 
     def _set_pose(self, pose: Vector, base_pose: Sequence[float]) -> None:
-        """Takes the base to have been at a pose in the map when odometry told its pose."""
+        """Aligns the map so that a pose in the map is the base's pose by odometry."""
         self._X_WM = composed(base_pose, inverted(pose))
 
     async def _localize(self, guess: Vector) -> int:
-        """Finds the robot in the map near a guess.
+        """Localizes the robot in the map near a guess.
 
         Raises:
-            ValueError: What the lasers see does not fit the map there.
+            ValueError: The scan does not match the map there.
         """
         self._is_localized = False
         if not await self._locate(self._known(), self._scan(), guess):
@@ -374,9 +373,9 @@ class Navigation(Module):
         return _DONE
 
     async def _locate(self, known: FloorMap, scan: LaserScan, guess: Vector) -> bool:
-        """Corrects the pose in the map by a scan from here; returns whether the scan fits it.
+        """Corrects the pose in the map by a scan from here; returns whether the scan matches it.
 
-        Where it does not, the robot goes on by odometry.
+        If it does not, the pose continues by odometry.
         """
         base_pose = self._moves.state.base_pose
         pose, mismatch = await asyncio.to_thread(known.matched, scan, guess)
@@ -387,10 +386,10 @@ class Navigation(Module):
 
 
 def _moves_along(trajectory: Any) -> list[tuple[list[list[float]], float]]:
-    """Returns the places to pass through and the time of each part of a trajectory [m, rad, s].
+    """Returns the waypoints and the duration of each part of a trajectory [m, rad, s].
 
     Raises:
-        ValueError: It is no trajectory.
+        ValueError: It is not a trajectory.
     """
     kind, *parts = trajectory if isinstance(trajectory, list | tuple) and trajectory else ("",)
     if kind == "Composed" and parts:
@@ -409,7 +408,7 @@ def _moves_along(trajectory: Any) -> list[tuple[list[list[float]], float]]:
 
 
 def _places(path: Any, start: Vector) -> list[list[float]]:
-    """Returns the places (2,) to pass through on a path from a start, all in one frame [m]."""
+    """Returns the waypoints (2,) of a path from a start, all in one frame [m]."""
     kind, *parts = path if isinstance(path, list | tuple) and path else ("",)
     if kind == "Line" and len(parts) == 1:
         return [(start + numbers(parts[0], 2, "the end of a line")).tolist()]
@@ -426,6 +425,6 @@ def _places(path: Any, start: Vector) -> list[list[float]]:
     return places
 
 
-def _as_told(error: InputError, told: str, place: Path) -> str:
-    """Returns what is wrong with a file, by the name that the robot tells of it."""
-    return str(error).replace(str(place), told)
+def _with_path(error: InputError, path: str, place: Path) -> str:
+    """Returns an error of a file with the robot's name of the file."""
+    return str(error).replace(str(place), path)

@@ -1,4 +1,4 @@
-"""Users, moods and knowledge: what programs keep of people, in a simulation where nobody is."""
+"""Users, moods and knowledge: programs' data on people, in a simulation without people."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ _NOBODY = -1
 """`ALUserSession.getFocusedUser` when no user is with the robot."""
 
 _UNKNOWN = (0.0, 0.0)
-"""A value and the confidence that it has: none."""
+"""An unknown value, with zero confidence."""
 
 
 class UserSession(Module):
@@ -18,11 +18,11 @@ class UserSession(Module):
         super().__init__("ALUserSession")
 
     def get_focused_user(self) -> int:
-        """Returns the user with whom the robot is: none."""
+        """Returns the focused user: none."""
         return _NOBODY
 
     def _none(self, *_: Any) -> list[Any]:
-        """Returns no users, or no kinds of what could be kept of them."""
+        """Returns an empty list: there are no users."""
         return []
 
     get_user_list = _none
@@ -34,7 +34,7 @@ class UserSession(Module):
     get_user_data_sources = _none
 
     def _is_not(self, *_: Any) -> bool:
-        """Returns that it is not so of a user whom the robot does not know."""
+        """Returns False: the robot knows no user."""
         return False
 
     does_user_exist = _is_not
@@ -48,19 +48,19 @@ class UserSession(Module):
     does_user_data_source_exist = _is_not
 
     def get_num_users(self) -> int:
-        """Returns how many users it knows: none."""
+        """Returns the number of known users: none."""
         return 0
 
     def get_num_open_sessions(self) -> int:
-        """Returns how many users are there: none."""
+        """Returns the number of open sessions: none."""
         return 0
 
     def get_usid_from_ppid(self, _person: int) -> int:
-        """Returns the user that a perceived person is: none."""
+        """Returns the user of a perceived person: none."""
         return _NOBODY
 
     def get_ppid_from_usid(self, _user: int) -> int:
-        """Returns the perceived person that a user is: none."""
+        """Returns the perceived person of a user: none."""
         return _NOBODY
 
     def _unknown(self, user: int, *_: Any) -> Any:
@@ -79,9 +79,9 @@ class UserSession(Module):
 
 
 class UserInfo(Module):
-    """ALUserInfo: what programs keep of a user by domain and key.
+    """ALUserInfo: programs' data of a user by domain and key.
 
-    Methods without a number mean the user with whom the robot is, which is nobody.
+    Methods without a user's number refer to the focused user, of whom there is none.
     """
 
     def __init__(self) -> None:
@@ -93,7 +93,7 @@ class UserInfo(Module):
         return self._values.get(_user_key(where))
 
     def set(self, *where_and_value: Any) -> bool:
-        """Keeps a value by (domain, user, key); returns whether there is such a user."""
+        """Stores a value by (domain, user, key); returns whether a user is given."""
         *where, value = where_and_value
         key = _user_key(where)
         if key[1] == _NOBODY:
@@ -107,7 +107,7 @@ class UserInfo(Module):
         return _user_key(where) in self._values
 
     def remove(self, *where: Any) -> bool:
-        """Forgets a value by (domain, user, key); returns whether there was one."""
+        """Removes a value by (domain, user, key); returns whether there was one."""
         key = _user_key(where)
         if key not in self._values:
             return False
@@ -116,19 +116,19 @@ class UserInfo(Module):
         return True
 
     def remove_user(self, domain: str, user: int = _NOBODY) -> bool:
-        """Forgets what a domain keeps of a user; returns whether there was anything."""
+        """Removes a domain's data of a user; returns whether there was any."""
         gone = [key for key in self._values if key[:2] == (domain, user)]
         for key in gone:
             del self._values[key]
         return bool(gone)
 
     def get_type(self, domain: str, key: str) -> str:
-        """Returns the type of a value of the user with whom the robot is."""
+        """Refuses: there is no focused user."""
         raise ValueError(f"nobody is with the robot, and {domain} keeps no {key}")
 
 
 def _user_key(where: Any) -> tuple[str, int, str]:
-    """Returns domain, user and key of any of the forms in which programs give them."""
+    """Returns domain, user and key from any form of a method's arguments."""
     user = next((part for part in where if isinstance(part, int)), _NOBODY)
     texts = [part for part in where if isinstance(part, str)]
     return (texts[0] if len(texts) > 1 else "", user, texts[-1])
@@ -154,7 +154,7 @@ class Knowledge(Module):
             self._emit("knowledgeRemoved", *triplet)
 
     def update(self, domain: str, subject: str, predicate: str, value: str) -> None:
-        """Replaces the objects that a subject has by a predicate."""
+        """Replaces the objects of a subject and a predicate."""
         for old in self.get_object(domain, subject, predicate):
             self.remove(domain, subject, predicate, old)
         self.add(domain, subject, predicate, value)
@@ -164,19 +164,19 @@ class Knowledge(Module):
         return (domain, subject, predicate, value) in self._triplets
 
     def get_subject(self, domain: str, predicate: str, value: str) -> list[str]:
-        """Returns the subjects that have an object by a predicate."""
+        """Returns the subjects of a predicate and an object."""
         return self._matching(domain, None, predicate, value, 1)
 
     def get_predicate(self, domain: str, subject: str, value: str) -> list[str]:
-        """Returns the predicates by which a subject has an object."""
+        """Returns the predicates of a subject and an object."""
         return self._matching(domain, subject, None, value, 2)
 
     def get_object(self, domain: str, subject: str, predicate: str) -> list[str]:
-        """Returns the objects that a subject has by a predicate."""
+        """Returns the objects of a subject and a predicate."""
         return self._matching(domain, subject, predicate, None, 3)
 
     def query(self, domain: str, subject: str, predicate: str, value: str, *_: str) -> list[str]:
-        """Returns what fits the one of the three that is given as "?"."""
+        """Returns the matches of the one of the three that is "?"."""
         asked = [subject, predicate, value]
         if asked.count("?") != 1:
             raise ValueError('one of subject, predicate and object must be "?"')
@@ -186,7 +186,7 @@ class Knowledge(Module):
     def query_triplet(
         self, domain: str, subject: str, predicate: str, value: str
     ) -> list[list[str]]:
-        """Returns the triplets that fit, where "?" fits all."""
+        """Returns the matching triplets; "?" matches all."""
         asked = (subject, predicate, value)
         return [
             list(triplet[1:])
@@ -196,7 +196,7 @@ class Knowledge(Module):
         ]
 
     def reset_knowledge(self, domain: str) -> None:
-        """Forgets a domain."""
+        """Removes a domain."""
         for triplet in [triplet for triplet in self._triplets if triplet[0] == domain]:
             self.remove(*triplet)
 
@@ -212,27 +212,27 @@ class Knowledge(Module):
 
 
 class Mood(Module):
-    """ALMood: it sees nobody, so it knows no mood; every confidence is zero."""
+    """ALMood: without people every mood is unknown, with zero confidence."""
 
     def __init__(self) -> None:
         super().__init__("ALMood")
         self._subscribers: dict[str, str] = {}
 
     def subscribe(self, name: str, mode: str) -> bool:
-        """Takes who wants to know."""
+        """Adds a subscriber."""
         self._subscribers[name] = mode
         return True
 
     def unsubscribe(self, name: str) -> bool:
-        """Forgets who wanted to know; returns whether it was known."""
+        """Removes a subscriber; returns whether it was subscribed."""
         return self._subscribers.pop(name, None) is not None
 
     def get_subscribers_info(self) -> dict[str, str]:
-        """Returns who wants to know, and how."""
+        """Returns the subscribers with their modes."""
         return dict(self._subscribers)
 
     def _person(self, _person: int = 0) -> tuple[Any, ...]:
-        """Returns valence, attention, body language, smile, expressions: none is known."""
+        """Returns valence, attention, body language, smile, expressions: all unknown."""
         return (_UNKNOWN, _UNKNOWN, (_UNKNOWN,), _UNKNOWN, (_UNKNOWN,) * 7)
 
     current_person_state = _person
@@ -244,7 +244,7 @@ class Mood(Module):
         raise ValueError(f"there is no person {person}")
 
     def persons(self) -> list[Any]:
-        """Returns who is there: nobody."""
+        """Returns the persons: none."""
         return []
 
     def ambiance_state(self) -> tuple[float, float]:
@@ -256,19 +256,19 @@ class Mood(Module):
         return (0,)
 
     async def get_emotional_reaction(self) -> str:
-        """Returns how a person reacts: as nobody is there, it is not known."""
+        """Returns a person's reaction: unknown, as nobody is there."""
         return "unknown"
 
     def valence(self) -> str:
-        """Returns the mood of who is there."""
+        """Returns the focused person's mood."""
         return "unknown"
 
     def attention(self) -> str:
-        """Returns how attentive who is there is."""
+        """Returns the focused person's attention."""
         return "unknown"
 
     def attention_zone(self) -> str:
-        """Returns where who is there looks."""
+        """Returns where the focused person looks."""
         return "unknown"
 
     def ambiance(self) -> str:

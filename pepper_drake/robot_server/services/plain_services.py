@@ -65,7 +65,7 @@ class AutonomousLife(Module):
         return all(self.abilities[name] for name in _abilities(ability))
 
     def get_autonomous_abilities_status(self) -> list[dict[str, Any]]:
-        """Returns each ability, whether it is switched on, and that it does not run."""
+        """Returns each ability, whether it is on, and that it is not running."""
         return [
             {"name": name, "enabled": enabled, "running": False}
             for name, enabled in self.abilities.items()
@@ -106,22 +106,22 @@ class Ability(Module):
         return self._life.get_autonomous_ability_enabled(self._ability)
 
     def is_running(self, *_call: int) -> bool:
-        """Returns whether the ability shows: it never does."""
+        """Returns whether the ability is running: it never is."""
         return False
 
     def set_mode(self, mode: str) -> None:
-        """Sets how it would show."""
+        """Sets the mode, without effect."""
         self._mode = mode
 
     def get_mode(self) -> str:
-        """Returns how it would show."""
+        """Returns the mode."""
         return self._mode
 
     def add_tags_to_words(self, _tags: Any) -> None:
-        """Takes gestures for words; there are none."""
+        """Accepts gestures for words without effect."""
 
     def reset_tags_to_words(self) -> None:
-        """Forgets gestures for words."""
+        """Has no effect."""
 
 
 class AutonomousMoves(Module):
@@ -138,10 +138,10 @@ class AutonomousMoves(Module):
         )
 
     def start_small_displacements(self) -> None:
-        """Would begin small moves of the base; there are none."""
+        """Has no effect."""
 
     def stop_small_displacements(self) -> None:
-        """Would end them."""
+        """Has no effect."""
 
 
 class BasicAwareness(Ability):
@@ -156,11 +156,11 @@ class BasicAwareness(Ability):
         self._parameters: dict[str, Any] = {}
 
     def start_awareness(self) -> None:
-        """Switches it on, as programs of old do."""
+        """Switches it on (old API)."""
         self.set_enabled(True)
 
     def stop_awareness(self) -> None:
-        """Switches it off, as programs of old do."""
+        """Switches it off (old API)."""
         self.set_enabled(False)
 
     def is_awareness_running(self) -> bool:
@@ -172,7 +172,7 @@ class BasicAwareness(Ability):
         self._paused = True
 
     def resume_awareness(self) -> None:
-        """Goes on after a pause."""
+        """Resumes after a pause."""
         self._paused = False
 
     def is_awareness_paused(self) -> bool:
@@ -180,23 +180,23 @@ class BasicAwareness(Ability):
         return self._paused
 
     def set_engagement_mode(self, mode: str) -> None:
-        """Sets how it would stay with a person."""
+        """Sets the engagement mode."""
         if mode not in ("Unengaged", "FullyEngaged", "SemiEngaged"):
             raise ValueError(f"there is no mode {mode!r}")
         self._engagement = mode
 
     def get_engagement_mode(self) -> str:
-        """Returns how it would stay with a person."""
+        """Returns the engagement mode."""
         return self._engagement
 
     def set_tracking_mode(self, mode: str) -> None:
-        """Sets what would follow a person."""
+        """Sets the tracking mode."""
         if mode not in ("Head", "BodyRotation", "WholeBody", "MoveContextually"):
             raise ValueError(f"there is no mode {mode!r}")
         self._tracking = mode
 
     def get_tracking_mode(self) -> str:
-        """Returns what would follow a person."""
+        """Returns the tracking mode."""
         return self._tracking
 
     def set_stimulus_detection_enabled(self, stimulus: str, enabled: bool) -> None:
@@ -210,11 +210,11 @@ class BasicAwareness(Ability):
         return self._stimuli[stimulus]
 
     def engage_person(self, _person: int) -> bool:
-        """Returns whether it turned to a person: nobody is seen."""
+        """Returns whether it engaged a person: nobody is seen."""
         return False
 
     def trigger_stimulus(self, _position: Any) -> int:
-        """Returns the person found where something stirred: nobody is there."""
+        """Returns the person found at a stimulus: nobody."""
         return -1
 
     def trigger_stimulus_from_frame(self, *_: Any) -> int:
@@ -222,17 +222,17 @@ class BasicAwareness(Ability):
         return -1
 
     def set_parameter(self, name: str, value: Any) -> None:
-        """Keeps a parameter."""
+        """Stores a parameter."""
         self._parameters[name] = value
 
     def get_parameter(self, name: str) -> Any:
-        """Returns a parameter that was kept."""
+        """Returns a stored parameter."""
         if name not in self._parameters:
             raise ValueError(f"there is no parameter {name!r}")
         return self._parameters[name]
 
     def reset_all_parameters(self) -> None:
-        """Forgets the parameters."""
+        """Removes the parameters."""
         self._parameters.clear()
 
 
@@ -281,7 +281,7 @@ class RobotModel(Module):
         return "Juliette"
 
     def get_config(self) -> str:
-        """Returns the robot's make as XML."""
+        """Returns the robot's configuration as XML."""
         return (
             '<ModulePreference name="RobotConfig">'
             '<Preference name="RobotType" value="Juliette"/>'
@@ -289,7 +289,7 @@ class RobotModel(Module):
         )
 
     def get_microphone_config(self) -> int:
-        """Returns which microphones the head has: 1, as assumed of Pepper's; 0 is older ones."""
+        """Returns the head's type of microphones: assumed 1 for Pepper; 0 is the older type."""
         return 1
 
     def has_arms(self) -> bool:
@@ -301,12 +301,12 @@ class RobotModel(Module):
         return True
 
     def has_legs(self) -> bool:
-        """Returns whether the robot walks: it has one leg and rolls."""
+        """Returns whether the robot has legs to walk: it rolls."""
         return False
 
 
 class Sonar(Extractor):
-    """ALSonar: who wants its values; the values are ALMemory's, where they are simulated."""
+    """ALSonar: its subscribers; the values are in ALMemory, if they are simulated."""
 
     def __init__(self) -> None:
         device = "Device/SubDeviceList/Platform/{}/Sonar/Sensor/Value"

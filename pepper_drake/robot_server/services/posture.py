@@ -1,4 +1,4 @@
-"""ALRobotPosture: the known postures, gone to and told."""
+"""ALRobotPosture: motion to named postures, and their recognition."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +13,7 @@ from pepper_drake.robot_server.services.postures import NAOQI_POSTURES, POSTURE_
 from pepper_drake.robot_server.services.waiting import Module
 
 _LIKENESS = 0.2
-"""Largest difference of a joint at which a posture is still that posture [rad]."""
+"""Largest difference of any joint from a recognised posture [rad]."""
 
 _TASK = "goToPosture"
 
@@ -25,10 +25,10 @@ class Posture(Module):
         super().__init__("ALRobotPosture")
         self._motion = motion
         self._raise_event = raise_event
-        self._told = ("", "")
+        self._last_raised = ("", "")
 
     async def go_to_posture(self, name: str, max_speed_fraction: float) -> bool:
-        """Goes to a posture, waking up if asleep; false if it is unknown or was interrupted."""
+        """Goes to a posture, waking up if asleep; False if it is unknown or was interrupted."""
         if name not in NAOQI_POSTURES:
             return False
         share = fraction(max_speed_fraction)
@@ -37,7 +37,7 @@ class Posture(Module):
         return await self._motion.go_to(NAOQI_POSTURES[name], share, _TASK)
 
     async def apply_posture(self, name: str, max_speed_fraction: float) -> bool:
-        """As `goToPosture`: on wheels every way is straight."""
+        """As `goToPosture`, which always moves directly."""
         return await self.go_to_posture(name, max_speed_fraction)
 
     def stop_move(self) -> None:
@@ -45,7 +45,7 @@ class Posture(Module):
         self._motion.tasks.kill_where(lambda task: task.name == _TASK)
 
     def get_posture(self) -> str:
-        """Returns the posture in which the robot is, "Unknown" if in none."""
+        """Returns the robot's posture, or "Unknown"."""
         measured = self._motion.state.positions
         arms_and_body = [k for k, name in enumerate(JOINTS) if name not in HANDS]
         for name, posture in NAOQI_POSTURES.items():
@@ -55,7 +55,7 @@ class Posture(Module):
         return "Unknown"
 
     def get_posture_family(self) -> str:
-        """Returns the family of the posture; by the hip where the posture is unknown."""
+        """Returns the family of the posture, by the hip if the posture is unknown."""
         family = POSTURE_FAMILIES.get(self.get_posture())
         if family is not None:
             return family
@@ -71,14 +71,14 @@ class Posture(Module):
         return sorted(set(POSTURE_FAMILIES.values()))
 
     def set_max_try_number(self, _number: int) -> None:
-        """Takes how often to try; the first way is straight and the only one."""
+        """Has no effect: there is only one try."""
 
     def step(self) -> None:
-        """Tells when posture or family have changed."""
+        """Raises events when posture or family have changed."""
         now = (self.get_posture(), self.get_posture_family())
         for event, before, after in zip(
-            ("PostureChanged", "PostureFamilyChanged"), self._told, now, strict=True
+            ("PostureChanged", "PostureFamilyChanged"), self._last_raised, now, strict=True
         ):
             if before != after:
                 self._raise_event(event, after)
-        self._told = now
+        self._last_raised = now

@@ -1,4 +1,4 @@
-"""The postures that NAOqi knows on Pepper."""
+"""NAOqi's postures of Pepper."""
 
 from pepper_drake.models.pepper import POSTURES
 from pepper_drake.naoqi.constants import HANDS, JOINTS
@@ -14,11 +14,11 @@ def _posture(name: str) -> dict[str, float]:
 NAOQI_POSTURES: dict[str, dict[str, float]] = {
     "Crouch": _posture("crouch"),
     "Stand": _posture("stand"),
-    # The maker publishes no angles of StandInit: its picture is Stand's, with the body straight.
+    # The maker publishes no angles of StandInit: its picture shows Stand with a straight body.
     "StandInit": _posture("upright"),
     "StandZero": dict.fromkeys(JOINTS, 0.0),
 }
-"""Angle by joint [rad]; those of StandZero end at the joints' limits."""
+"""Angle by joint [rad]; those of StandZero are clipped to the joints' limits."""
 
 POSTURE_FAMILIES: dict[str, str] = {
     "Crouch": "Crouching",

@@ -1,7 +1,7 @@
-"""ALPhotoCapture and ALVideoRecorder: pictures and films of the robot's cameras, in files.
+"""ALPhotoCapture and ALVideoRecorder: pictures and videos of the robot's cameras, in files.
 
-A robot writes on its own disk. The served one writes into a folder of its own, in which a path
-such as `/home/nao/recordings` is a folder again, and nowhere else.
+A robot writes on its own disk. The served robot writes into its own folder only, in which a path
+such as `/home/nao/recordings` is a subfolder.
 """
 
 import asyncio
@@ -23,28 +23,27 @@ _YUV, _BGR = 0, 13
 _FPS = 10
 _MOST_PICTURES = 100
 _LONGEST = 600.0
-"""Longest film [s]."""
+"""Longest video [s]."""
 
 Image = npt.NDArray[np.uint8]
 
 _ROBOT = Caller(0)
-"""Who subscribes: the robot itself, so that a film goes on when the client leaves."""
+"""The subscriber, the robot itself: a video continues when its client disconnects."""
 
 
 class RobotDisk:
-    """The folder in which the robot's files are."""
+    """The folder of the robot's files."""
 
     def __init__(self, folder: Path | None) -> None:
-        """Makes one.
+        """Sets the folder.
 
         Args:
-            folder: Where it is on this machine, made when it is needed; None for a robot that
-                cannot write.
+            folder: Folder on this machine, created when needed; None for a robot that cannot write.
         """
         self._folder = folder
 
     def place(self, folder: str, name: str) -> tuple[str, Path]:
-        """Returns the path of a file as the robot tells it, and where it is on this machine."""
+        """Returns the path of a file on the robot, and its path on this machine."""
         if self._folder is None:
             raise ValueError("this robot has no disk to write to")
         path = PurePosixPath("/") / folder / name
@@ -109,7 +108,7 @@ class PhotoCapture(_Recorder):
         )
 
     def half_press(self) -> bool:
-        """Changes between half pressed and not, as programs of old do."""
+        """Toggles half press (old API)."""
         self.set_half_press_enabled(not self.is_half_press_enabled())  # type: ignore[attr-defined]
         return True
 
@@ -141,19 +140,19 @@ class PhotoCapture(_Recorder):
             for number, name in enumerate(names):
                 if number:
                     await self._timer.sleep(interval)
-                told, path = self._disk.place(folder, f"{name}.{ending}")
+                on_robot, path = self._disk.place(folder, f"{name}.{ending}")
                 if path.exists() and not overwrite:
-                    raise ValueError(f"{told} already exists")
+                    raise ValueError(f"{on_robot} already exists")
                 if not cv2.imwrite(str(path), await self._image(handle)):
                     raise ValueError(f"a picture cannot be written as {ending}")
-                taken.append(told)
+                taken.append(on_robot)
         finally:
             self._video.unsubscribe(handle)
         return taken
 
 
 class VideoRecorder(_Recorder):
-    """ALVideoRecorder: films in AVI files of MJPG."""
+    """ALVideoRecorder: videos as MJPG in AVI files."""
 
     def __init__(self, video: Video, disk: RobotDisk, timer: RobotTimer) -> None:
         super().__init__("ALVideoRecorder", video, disk, timer)
@@ -178,28 +177,28 @@ class VideoRecorder(_Recorder):
         return self._fps
 
     def is_recording(self) -> bool:
-        """Returns whether it records."""
+        """Returns whether it is recording."""
         return self._task is not None
 
     def start_recording(self, folder: str, name: str, overwrite: bool = True) -> None:
-        """Starts a film."""
+        """Starts a video."""
         if self._task is not None:
             raise ValueError("it is already recording")
-        told, path = self._disk.place(folder, name if name.endswith(".avi") else f"{name}.avi")
+        on_robot, path = self._disk.place(folder, name if name.endswith(".avi") else f"{name}.avi")
         if path.exists() and not overwrite:
-            raise ValueError(f"{told} already exists")
+            raise ValueError(f"{on_robot} already exists")
         fps = self._fps
         handle = self._subscribe(fps)
-        self._path, self._stop = told, False
+        self._path, self._stop = on_robot, False
         loop = asyncio.get_running_loop()
         self._task = loop.create_task(self._film(handle, path, fps))
 
     async def stop_recording(self) -> list[Any]:
-        """Ends a film; returns how many images it has, and the path of its file."""
+        """Ends a video; returns its number of images and the path of its file."""
         if self._task is None:
             raise ValueError("it is not recording")
         task, self._task = self._task, None
-        # Not cancelled: an image may be on its way into the file.
+        # Not cancelled: an image may be in the process of being written.
         self._stop = True
         return [await task, self._path]
 

@@ -1,4 +1,4 @@
-"""The keys under which Pepper's sensors stand in ALMemory, and the events of touch."""
+"""Keys of Pepper's sensors in ALMemory, and touch events."""
 
 import math
 from collections.abc import Callable
@@ -25,7 +25,7 @@ RANGES: tuple[str, ...] = (
         for axis in "XY"
     ),
 )
-"""Devices that measure distances [m]; a key of one that the robot does not simulate says so."""
+"""Devices that measure distances [m]; reading one that is not simulated is an error."""
 
 _TOUCH_EVENTS = {
     "Head/Touch/Front": "FrontTactilTouched",
@@ -38,7 +38,7 @@ _TOUCH_EVENTS = {
     "Platform/FrontRight/Bumper": "RightBumperPressed",
     "Platform/Back/Bumper": "BackBumperPressed",
 }
-"""Event by sensor; its value is 1.0 when touched and 0.0 when let go."""
+"""Event by sensor; its value is 1.0 when touched and 0.0 when released."""
 
 _TOUCH_PARTS = {
     "Head/Touch/Front": ("Head", "Head/Touch/Front"),
@@ -53,10 +53,10 @@ _TOUCH_PARTS = {
 
 _CLICKS = ("SimpleClickOccurred", "DoubleClickOccurred", "TripleClickOccurred")
 _CLICK_GAP = 0.5
-"""Time without another press after which clicks are counted [s]."""
+"""Longest time between the clicks of a multiple click [s]."""
 
 _TEMPERATURE = 35.0
-"""Temperature of every motor [degrees Celsius]: motors do not warm up here."""
+"""Temperature of every motor [degrees Celsius]: heating is not simulated."""
 
 _GRAVITY = 9.81
 
@@ -81,7 +81,7 @@ CONSTANTS: dict[str, Any] = {
     "robotIsWakeUp": False,
     "ALMotion/RobotIsStand": True,
 }
-"""Keys that a program may read before anything happened."""
+"""Keys with initial values."""
 
 
 def install_keys(memory: Memory, motion: Motion) -> None:
@@ -128,7 +128,7 @@ def install_keys(memory: Memory, motion: Motion) -> None:
 
 
 class TouchEvents:
-    """Tells of touch, bumpers and the chest button."""
+    """Raises the events of touch, bumpers and the chest button."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
@@ -137,7 +137,7 @@ class TouchEvents:
         self._released = -math.inf
 
     def step(self, touched: frozenset[str], now: float) -> None:
-        """Raises the events of what has changed since the last step."""
+        """Raises the events of changes since the last step."""
         changed = [sensor for sensor in SENSORS if (sensor in touched) != (sensor in self._touched)]
         parts = []
         for sensor in changed:
@@ -181,18 +181,18 @@ def _touched(motion: Motion, sensor: str) -> float:
 
 def _range(motion: Motion, name: str) -> float:
     if name not in motion.state.ranges:
-        # Nothing was measured, which is not the same as nothing being near.
+        # Not measured, which is not the same as nothing being near.
         raise ValueError(f"{DEVICES}{name}/Sensor/Value: not simulated")
     return float(motion.state.ranges[name])
 
 
-# Wheels: place [m] and direction of the axle [rad] in the base.
+# Wheels: position [m] and direction of the axle [rad] in the base.
 _WHEELS = ((0.09, 0.155, 1.07517), (0.09, -0.155, -1.07517), (-0.17, 0.0, -math.pi))
 _WHEEL_RADIUS = 0.07
 
 
 def _wheel_speed(motion: Motion, k: int, measured: bool) -> float:
-    """Returns how fast a wheel rolls so that the base moves as it does [rad/s]."""
+    """Returns a wheel's speed from the base's velocity [rad/s]."""
     vx, vy, wz = motion.state.base_velocity if measured else motion.base.velocity
     x, y, axle = _WHEELS[k]
     along = (vx - wz * y) * math.sin(axle) - (vy + wz * x) * math.cos(axle)

@@ -1,4 +1,4 @@
-"""ALTextToSpeech and ALAnimatedSpeech: what the robot says, as text in the log."""
+"""ALTextToSpeech and ALAnimatedSpeech: the robot's speech as text in the log."""
 
 import asyncio
 import re
@@ -26,16 +26,16 @@ _LOCALES = dict(
 _PARAMETERS = {"pitchShift": 1.0, "doubleVoice": 0.0, "speed": 100.0, "volume": 100.0}
 
 _MARKS = re.compile(r"\\[^\\]*\\|\^\w+(\([^)]*\))?")
-"""Marks for voice, such as \\rspd=80\\, and for gestures, such as ^start(...)."""
+"""Tags of the voice, such as \\rspd=80\\, and of gestures, such as ^start(...)."""
 
 
 def spoken(text: str) -> str:
-    """Returns a text without its marks for voice and gestures."""
+    """Returns a text without its tags of voice and gestures."""
     return " ".join(_MARKS.sub(" ", text).split())
 
 
 class TextToSpeech(Module):
-    """ALTextToSpeech: each sentence takes its time, one after the other."""
+    """ALTextToSpeech: sentences take time, one after the other."""
 
     def __init__(
         self,
@@ -83,22 +83,22 @@ class TextToSpeech(Module):
             self._raise_event("ALTextToSpeech/CurrentSentence", "")
 
     def say_to_file(self, text: str, name: str) -> None:
-        """Would write what it says to a file: no sound is simulated."""
+        """Logs that no file is written: no sound is simulated."""
         self._log(f'"{spoken(text)}" is to be written; no sound is simulated, and {name} is not')
 
     async def say_to_file_and_play(self, text: str) -> None:
-        """Says a text; as on a robot, a file is only on the way."""
+        """Says a text; the file is only temporary on a robot."""
         await self.say(text)
 
     def load_voice_preference(self, _name: str) -> None:
-        """Takes the voice of a file of preferences; there are none."""
+        """Has no effect: there are no preferences."""
 
     def set_language_default_voice(self, language: str, _voice: str) -> None:
-        """Takes the voice of a language."""
+        """Only checks the language."""
         _known(language)
 
     def stop_all(self) -> None:
-        """Stops what is being said and what was to follow."""
+        """Stops the current and all waiting sentences."""
         self._stop += 1
 
     def set_language(self, language: str) -> None:
@@ -118,7 +118,7 @@ class TextToSpeech(Module):
         return list(LANGUAGES)
 
     def get_language_encoding(self, language: str) -> str:
-        """Returns how a language's texts are encoded."""
+        """Returns the encoding of a language's texts."""
         _known(language)
         return "UTF-8"
 
@@ -137,7 +137,7 @@ class TextToSpeech(Module):
         return self._parameters[name]
 
     def reset_speed(self) -> None:
-        """Sets the speed to what it is at first."""
+        """Resets the speed."""
         self._parameters["speed"] = _PARAMETERS["speed"]
 
     def set_volume(self, volume: float) -> None:
@@ -163,27 +163,27 @@ class TextToSpeech(Module):
         return ["naoenu", "naomnc"]
 
     def add_to_dictionary(self, *words: str) -> bool:
-        """Takes how a word is pronounced; returns that it was done."""
+        """Sets the pronunciation of a word; returns True."""
         self._dictionary[words[0] if len(words) == 2 else words[1]] = words
         return True
 
     def delete_from_dictionary(self, *words: str) -> bool:
-        """Forgets how a word is pronounced; returns whether it was known."""
+        """Removes the pronunciation of a word; returns whether it was known."""
         return self._dictionary.pop(words[-1], None) is not None
 
     def show_dictionary(self) -> None:
-        """Shows how words are pronounced in the log."""
+        """Logs the words with a pronunciation."""
         self._log(f"pronounces {', '.join(self._dictionary) or 'all words as usual'}")
 
     def enable_notifications(self) -> None:
-        """Switches notifications on; they are."""
+        """Has no effect: notifications are always on."""
 
     def disable_notifications(self) -> None:
-        """Keeps notifications on."""
+        """Has no effect: notifications are always on."""
 
 
 class AnimatedSpeech(Module):
-    """ALAnimatedSpeech: says the text; of the gestures none is simulated."""
+    """ALAnimatedSpeech: says the text; gestures are not simulated."""
 
     def __init__(self, speech: TextToSpeech, raise_event: Callable[[str, Any], None]) -> None:
         super().__init__("ALAnimatedSpeech")
@@ -198,23 +198,23 @@ class AnimatedSpeech(Module):
         self._raise_event("ALAnimatedSpeech/EndOfAnimatedSpeech", 1)
 
     def set_body_language_mode(self, mode: int) -> None:
-        """Sets which gestures there would be: 0 none, 1 random, 2 contextual."""
+        """Sets the mode of gestures: 0 none, 1 random, 2 contextual."""
         if mode not in (0, 1, 2):
             raise ValueError(f"there is no mode {mode}; it must be 0, 1 or 2")
         self._mode = mode
 
     def get_body_language_mode(self) -> int:
-        """Returns which gestures there would be."""
+        """Returns the mode of gestures."""
         return self._mode
 
     def set_body_language_mode_from_str(self, mode: str) -> None:
-        """Sets which gestures there would be by name."""
+        """Sets the mode of gestures by name."""
         if mode not in _MODES:
             raise ValueError(f"there is no mode {mode!r}; it must be one of {', '.join(_MODES)}")
         self._mode = _MODES.index(mode)
 
     def get_body_language_mode_to_str(self) -> str:
-        """Returns the name of which gestures there would be."""
+        """Returns the name of the mode of gestures."""
         return _MODES[self._mode]
 
     def set_body_language_enabled(self, enabled: bool) -> None:
@@ -230,13 +230,13 @@ class AnimatedSpeech(Module):
         self._enabled = enabled
 
     def declare_animations_package(self, _package: str) -> None:
-        """Takes a package of gestures; none is simulated."""
+        """Accepts a package of gestures without effect."""
 
     def add_tags_to_words(self, _tags: Any) -> None:
-        """Takes gestures for words; none is simulated."""
+        """Accepts gestures for words without effect."""
 
     def declare_tag_for_animations(self, _tags: Any) -> None:
-        """Takes gestures for tags; none is simulated."""
+        """Accepts gestures for tags without effect."""
 
     def is_body_talk_enabled(self) -> bool:
         """As `isBodyLanguageEnabled`, its former name."""

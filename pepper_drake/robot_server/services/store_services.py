@@ -1,4 +1,4 @@
-"""Preferences, packages, behaviours, laser, charging station: kept or empty."""
+"""Preferences, packages, behaviours, laser, charging station: stored or empty."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,18 +8,18 @@ from pepper_drake.robot_server.services.waiting import Module
 
 
 class PreferenceManager(Module):
-    """ALPreferenceManager: values by domain and name, kept until the robot ends."""
+    """ALPreferenceManager: values by domain and name, stored until the robot ends."""
 
     def __init__(self) -> None:
         super().__init__("ALPreferenceManager")
         self._values: dict[str, dict[str, Any]] = {}
 
     def set_value(self, domain: str, name: str, value: Any) -> None:
-        """Keeps a value."""
+        """Stores a value."""
         self._values.setdefault(domain, {})[name] = value
 
     def get_value(self, domain: str, name: str) -> Any:
-        """Returns a value, None if there is none."""
+        """Returns a value, or None."""
         return self._values.get(domain, {}).get(name)
 
     def get_value_list(self, domain: str) -> list[list[Any]]:
@@ -31,15 +31,15 @@ class PreferenceManager(Module):
         return sorted(self._values)
 
     def remove_value(self, domain: str, name: str) -> None:
-        """Forgets a value."""
+        """Removes a value."""
         self._values.get(domain, {}).pop(name, None)
 
     def remove_domain_values(self, domain: str) -> None:
-        """Forgets the values of a domain."""
+        """Removes the values of a domain."""
         self._values.pop(domain, None)
 
     def update(self) -> None:
-        """Would fetch preferences from the maker."""
+        """Has no effect."""
 
 
 class PackageManager(Module):
@@ -70,7 +70,7 @@ class PackageManager(Module):
 
 
 class BehaviorManager(Module):
-    """ALBehaviorManager: no behaviour is installed, so that none can be started."""
+    """ALBehaviorManager: no behaviour is installed, so none can be started."""
 
     def __init__(self) -> None:
         super().__init__("ALBehaviorManager")
@@ -91,7 +91,7 @@ class BehaviorManager(Module):
     get_behavior_tags = _none
 
     def _is_not(self, _name: str) -> bool:
-        """Returns that a behaviour is not there."""
+        """Returns False: there is no behaviour."""
         return False
 
     is_behavior_installed = _is_not
@@ -102,7 +102,7 @@ class BehaviorManager(Module):
     preload_behavior = _is_not
 
     def start_behavior(self, name: str) -> None:
-        """Refuses: there is no behaviour of that name, or of any."""
+        """Refuses: no behaviour is installed."""
         raise ValueError(f"behavior {name!r} is not installed")
 
     def run_behavior(self, name: str) -> None:
@@ -116,11 +116,11 @@ class BehaviorManager(Module):
         """Stops all behaviours; none runs."""
 
     def add_default_behavior(self, name: str) -> None:
-        """Keeps the name of a behaviour to be started with the robot."""
+        """Adds a behaviour to be started with the robot."""
         self._defaults.append(name)
 
     def remove_default_behavior(self, name: str) -> None:
-        """Forgets the name of a behaviour to be started with the robot."""
+        """Removes a behaviour to be started with the robot."""
         if name in self._defaults:
             self._defaults.remove(name)
 
@@ -129,11 +129,11 @@ class BehaviorManager(Module):
         return list(self._defaults)
 
     def play_default_project(self) -> None:
-        """Would start them."""
+        """Has no effect: no behaviour is installed."""
 
 
 class Laser(Module):
-    """ALLaser: its settings; the values are ALMemory's, where they are simulated."""
+    """ALLaser: its settings; the values are in ALMemory, if they are simulated."""
 
     def __init__(self) -> None:
         super().__init__("ALLaser")
@@ -148,7 +148,7 @@ class Laser(Module):
 
 
 class Recharge(Module):
-    """ALRecharge: there is no charging station to be found."""
+    """ALRecharge: without a charging station."""
 
     def __init__(self, raise_event: Callable[[str, Any], None]) -> None:
         super().__init__("ALRecharge")
@@ -157,12 +157,12 @@ class Recharge(Module):
         keep_settings(self, {"set_max_number_of_tries": ("get_max_number_of_tries", 3)})
 
     def look_for_station(self) -> list[Any]:
-        """Returns that no station was found, and no place of it."""
+        """Returns False and no position: no station was found."""
         self._raise_event("ALRecharge/StationNotFound", True)
         return [False, []]
 
     def _not_found(self) -> int:
-        """Returns the error that no station was found."""
+        """Returns the error code of no station."""
         self._raise_event("ALRecharge/StationNotFound", True)
         return 1
 
@@ -172,12 +172,12 @@ class Recharge(Module):
     leave_station = _not_found
 
     def get_status(self) -> int:
-        """Returns that nothing is going on."""
+        """Returns 0: idle."""
         return 0
 
     def get_station_position(self) -> list[float]:
-        """Returns where the station is: unknown."""
+        """Returns the station's position: unknown."""
         return []
 
     def stop_all(self) -> None:
-        """Stops what it does: nothing."""
+        """Has no effect."""

@@ -24,7 +24,7 @@ class System(Module):
         return VERSION
 
     def previous_system_version(self) -> str:
-        """Returns the version before: there was none."""
+        """Returns the previous version: none."""
         return ""
 
     def total_memory(self) -> int:
@@ -40,7 +40,7 @@ class System(Module):
         return b""
 
     def _refused(self, *_: Any) -> None:
-        """Refuses: the simulated robot is started and ended where it runs."""
+        """Refuses: the simulated robot is started and stopped on its own machine."""
         raise ValueError(
             "a simulated robot is started and stopped on its own machine, not remotely"
         )
@@ -53,17 +53,17 @@ class System(Module):
 
 
 class Sensors(Extractor):
-    """ALSensors: who wants events of the bumpers and buttons, which come in any case."""
+    """ALSensors: subscribers of events of bumpers and buttons, which are always raised."""
 
     def __init__(self) -> None:
         super().__init__("ALSensors", keys=("LeftBumperPressed", "RightBumperPressed"))
 
     def run(self) -> None:
-        """Does nothing: the events come by themselves."""
+        """Has no effect: the events are always raised."""
 
 
 class ResourceManager(Module):
-    """ALResourceManager: who owns what, by names; it keeps nobody from using anything."""
+    """ALResourceManager: owners of resources by name, without enforcement."""
 
     def __init__(self) -> None:
         super().__init__("ALResourceManager")
@@ -71,7 +71,7 @@ class ResourceManager(Module):
         self._owners: dict[str, str] = {}
 
     def create_resource(self, name: str, parent: str) -> None:
-        """Makes a resource, within another or ""."""
+        """Creates a resource, within another one or ""."""
         if name in self._parents:
             raise ValueError(f"the resource {name} already exists")
         if parent:
@@ -79,12 +79,12 @@ class ResourceManager(Module):
         self._parents[name] = parent
 
     def create_resources_list(self, names: list[str], parent: str) -> None:
-        """Makes resources."""
+        """Creates resources."""
         for name in names:
             self.create_resource(name, parent)
 
     def delete_resource(self, name: str, children: bool) -> None:
-        """Forgets a resource, and those within it if they may be forgotten with it."""
+        """Deletes a resource, with those in it if `children`."""
         self._known(name)
         within = [child for child in self._parents if self.is_in_group(name, child)]
         if len(within) > 1 and not children:
@@ -98,11 +98,11 @@ class ResourceManager(Module):
         return list(self._parents)
 
     def owners_get(self) -> list[list[str]]:
-        """Returns [resource, owner] for each that is owned."""
+        """Returns [resource, owner] for each owned resource."""
         return [[name, owner] for name, owner in self._owners.items()]
 
     def is_in_group(self, group: str, name: str) -> bool:
-        """Returns whether a resource is another, or within it."""
+        """Returns whether a resource is a group or within it."""
         self._known(name)
         while name:
             if name == group:
@@ -111,32 +111,32 @@ class ResourceManager(Module):
         return False
 
     def is_resource_free(self, name: str) -> bool:
-        """Returns whether nobody owns a resource or what is within it."""
+        """Returns whether a resource, those in it and those containing it have no owner."""
         self._known(name)
         return not any(
             self.is_in_group(name, owned) or self.is_in_group(owned, name) for owned in self._owners
         )
 
     def are_resources_free(self, names: list[str]) -> bool:
-        """Returns whether nobody owns any of these."""
+        """Returns whether all these resources are free."""
         return all(self.is_resource_free(name) for name in names)
 
     def check_state_resource_free(self, names: list[str]) -> bool:
-        """As `areResourcesFree`: no state hinders."""
+        """As `areResourcesFree`: states are ignored."""
         return self.are_resources_free(names)
 
     def are_resources_owned_by(self, names: list[str], owner: str) -> bool:
-        """Returns whether one owns all of these."""
+        """Returns whether all these resources have one owner."""
         return all(self._owners.get(name) == owner for name in names)
 
     def acquire_resource(self, name: str, owner: str, _callback: str, _seconds: int) -> None:
-        """Gives a resource to an owner; refused while another has it."""
+        """Acquires a resource for an owner; refused while another has it."""
         self.acquire_resources_tree([name], owner, "", 0)
 
     def acquire_resources_tree(
         self, names: list[str], owner: str, _callback: str, _seconds: int
     ) -> None:
-        """Gives resources to an owner; refused while another has one of them."""
+        """Acquires resources for an owner; refused while another has one of them."""
         taken = [
             name
             for name in names
@@ -152,25 +152,25 @@ class ResourceManager(Module):
     def wait_for_optional_resources_tree(
         self, names: list[str], owner: str, callback: str, seconds: int, optional: list[str]
     ) -> list[str]:
-        """Gives resources to an owner, and the optional ones that are free; returns these."""
+        """Acquires resources for an owner, and the free optional ones; returns these."""
         self.acquire_resources_tree(names, owner, callback, seconds)
         free = [name for name in optional if self.is_resource_free(name)]
         self._owners |= dict.fromkeys(free, owner)
         return free
 
     def release_resource(self, name: str, owner: str) -> None:
-        """Takes a resource from its owner."""
+        """Releases a resource of an owner."""
         self.release_resources([name], owner)
 
     def release_resources(self, names: list[str], owner: str) -> None:
-        """Takes resources from their owner."""
+        """Releases resources of an owner."""
         for name in names:
             self._known(name)
             if self._owners.get(name) == owner:
                 del self._owners[name]
 
     def enable_state_resource(self, name: str, _enabled: bool) -> None:
-        """Switches whether a state counts as a resource."""
+        """Only checks that the resource exists."""
         self._known(name)
 
     def _known(self, name: str) -> None:
@@ -189,11 +189,11 @@ class ConnectionManager(Module):
         keep_settings(self, {"set_country": ("country", "FR")})
 
     def state(self) -> str:
-        """Returns that there is a network."""
+        """Returns the state of the network."""
         return "ready"
 
     def scan(self, _technology: str = "") -> None:
-        """Looks for networks; there is one."""
+        """Scans for networks; has no effect."""
 
     def services(self) -> list[list[list[Any]]]:
         """Returns the networks, each as [[name, value], ...]."""
@@ -211,7 +211,7 @@ class ConnectionManager(Module):
         return ["ethernet"]
 
     def interfaces(self) -> list[list[str]]:
-        """Returns names and addresses of its network cards: none that is to be told."""
+        """Returns names and addresses of network interfaces: none are disclosed."""
         return []
 
     def countries(self) -> list[str]:
@@ -219,7 +219,7 @@ class ConnectionManager(Module):
         return ["DE", "FR", "GB", "JP", "US"]
 
     def get_tethering_enable(self, _technology: str) -> bool:
-        """Returns whether it shares its network: it does not."""
+        """Returns whether tethering is on: it is not."""
         return False
 
     def _refused(self, *_: Any) -> None:
@@ -241,7 +241,7 @@ _NETWORK = "ethernet_simulated"
 
 
 class Launcher(Module):
-    """ALLauncher: which modules there are; it starts nothing."""
+    """ALLauncher: lists the modules; it starts nothing."""
 
     def __init__(self, modules: Callable[[], list[str]]) -> None:
         super().__init__("ALLauncher")
@@ -256,7 +256,7 @@ class Launcher(Module):
         return self._modules()
 
     def _refused(self, name: str, *_: Any) -> None:
-        """Refuses: what a program names is not on the simulated robot."""
+        """Refuses: nothing can be started on the simulated robot."""
         raise ValueError(f"{name!r} is not on the simulated robot, and nothing is started")
 
     launch_local = _refused
@@ -272,11 +272,11 @@ class ServiceManager(Module):
         super().__init__("ALServiceManager")
 
     def services(self) -> list[Any]:
-        """Returns the services that packages brought: none."""
+        """Returns the services of packages: none."""
         return []
 
     def _is_not(self, _name: str) -> bool:
-        """Returns that there is no such service."""
+        """Returns False: there is no such service."""
         return False
 
     start_service = _is_not
@@ -286,7 +286,7 @@ class ServiceManager(Module):
 
 
 class Logger(Module):
-    """ALLogger: what modules of clients say stands in the robot's log."""
+    """ALLogger: messages of clients' modules in the robot's log."""
 
     def __init__(self, log: Log) -> None:
         super().__init__("ALLogger")
@@ -294,18 +294,18 @@ class Logger(Module):
         keep_settings(self, {"set_verbosity": ("verbosity_name", "info")})
 
     def verbosity(self) -> int:
-        """Returns how much is told, from 0 to 6."""
+        """Returns the verbosity, from 0 to 6."""
         name = self.verbosity_name()  # type: ignore[attr-defined]
         return _LEVELS.index(name) if name in _LEVELS else _LEVELS.index("info")
 
     def _say(self, module: str, text: str) -> None:
-        """Puts a line into the log."""
+        """Writes a line to the log."""
         self._log(f"{module}: {text}")
 
     fatal = error = warn = info = _say
 
     def _quiet(self, *_: Any) -> None:
-        """Leaves out what is too small to be told, or where it would be told."""
+        """Has no effect."""
 
     debug = low_debug = low_info = _quiet
     log_in_file = log_in_forwarder = log_in_std = log_in_sys = _quiet
@@ -316,7 +316,7 @@ _LEVELS = ("silent", "fatal", "error", "warning", "info", "verbose", "debug")
 
 
 class Preferences(Module):
-    """ALPreferences: preferences of former programs by the name of their file, until the end."""
+    """ALPreferences: preferences by file name, stored until the end (old API)."""
 
     def __init__(self) -> None:
         super().__init__("ALPreferences")
@@ -327,45 +327,45 @@ class Preferences(Module):
         return self._files.get(name, [])
 
     def write_pref_file(self, name: str, preferences: Any, _ignore: bool) -> None:
-        """Keeps preferences."""
+        """Stores preferences."""
         self._files[name] = preferences
 
     def remove_pref_file(self, name: str) -> None:
-        """Forgets preferences."""
+        """Removes preferences."""
         self._files.pop(name, None)
 
     def save_to_memory(self, _preferences: Any) -> bool:
-        """Returns whether they could be put into ALMemory: they are not."""
+        """Returns False: preferences are not stored in ALMemory."""
         return False
 
 
 class Store(Module):
-    """ALStore: there is no shop to fetch programs from."""
+    """ALStore: without a store."""
 
     def __init__(self) -> None:
         super().__init__("ALStore")
 
     def update(self) -> None:
-        """Refuses: there is no shop."""
+        """Refuses: there is no store."""
         raise ValueError("the simulated robot has no store to fetch programs from")
 
     def stop_update(self) -> None:
-        """Stops an update; none is under way."""
+        """Has no effect: no update is running."""
 
     def status(self) -> list[Any]:
-        """Returns what is being fetched: nothing."""
+        """Returns the downloads: none."""
         return []
 
 
 class Diagnosis(Module):
-    """ALDiagnosis: every part of the simulated robot is in order."""
+    """ALDiagnosis: all parts of the simulated robot work."""
 
     def __init__(self) -> None:
         super().__init__("ALDiagnosis")
         keep_settings(self, {"set_enable_notification": ("is_notification_enabled", True)})
 
     def get_diagnosis_status(self) -> list[Any]:
-        """Returns the worst error, 0 for none, and which devices have it."""
+        """Returns the worst error, 0 for none, and its devices."""
         return [0, []]
 
     get_active_diagnosis = get_diagnosis_status

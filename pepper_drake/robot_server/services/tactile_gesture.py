@@ -28,10 +28,10 @@ _GESTURES: dict[str, str] = {
     "SingleTapHold": "000 111",
     "TheClawHold": "000 101",
 }
-"""The maker's gestures: a digit for front, middle and rear, in the order of touches."""
+"""The maker's gestures: sequences of patterns, a digit each for front, middle and rear."""
 
 _LONGEST = 40
-"""Touches in a sequence, and gestures that programs may add in all."""
+"""Most touches in a sequence, and most gestures that programs may add."""
 
 
 class TactileGesture(Module):
@@ -41,7 +41,7 @@ class TactileGesture(Module):
     """
 
     def __init__(self, memory: Memory) -> None:
-        """Makes one that knows the maker's gestures.
+        """Makes the service with the maker's gestures.
 
         Args:
             memory: Gets the events `ALTactileGesture/Gesture` and `Release`.
@@ -56,7 +56,7 @@ class TactileGesture(Module):
         self._held = False
 
     def create_gesture(self, sequence: list[str]) -> str:
-        """Adds a gesture; returns the name that it gets."""
+        """Adds a gesture; returns its name."""
         if sequence in self._gestures.values():
             raise ValueError(f"the sequence is that of {self.get_gesture(sequence)}")
         if not _is_sequence(sequence):
@@ -68,11 +68,11 @@ class TactileGesture(Module):
         return name
 
     def get_sequence(self, name: str) -> list[str]:
-        """Returns the sequence of a gesture, empty if there is none of that name."""
+        """Returns the sequence of a gesture, empty if there is no such gesture."""
         return list(self._gestures.get(name, ()))
 
     def get_gesture(self, sequence: list[str]) -> str:
-        """Returns the name of a gesture, "" if there is none of that sequence."""
+        """Returns the name of a sequence's gesture, or ""."""
         return next((n for n, known in self._gestures.items() if known == list(sequence)), "")
 
     def get_gestures(self) -> dict[str, list[str]]:
@@ -80,26 +80,26 @@ class TactileGesture(Module):
         return {name: list(sequence) for name, sequence in self._gestures.items()}
 
     def set_settle_time(self, seconds: float) -> bool:
-        """Sets how long a touch must last to count [s]."""
+        """Sets the debounce time of a touch [s]."""
         return self._set("settle", seconds)
 
     def set_hold_time(self, seconds: float) -> bool:
-        """Sets after which time a touch is held [s]."""
+        """Sets the time after which a touch counts as held [s]."""
         return self._set("hold", seconds)
 
     def set_sequence_time(self, seconds: float) -> bool:
-        """Sets after which time without a touch a sequence ends [s]."""
+        """Sets the time without touch that ends a sequence [s]."""
         return self._set("sequence", seconds)
 
     def step(self, touched: frozenset[str], now: float) -> None:
-        """Looks at the head's sensors."""
+        """Updates the state from the head's sensors."""
         raw = "".join(str(int(sensor in touched)) for sensor in _SENSORS)
         if raw != self._raw:
             self._raw, self._changed = raw, now
         if raw != self._pattern and now - self._changed >= self._times["settle"]:
             self._pattern, self._settled = raw, now
             if self._held:
-                # What was held is a whole gesture; letting it go is not part of another.
+                # A held touch is a complete gesture; its release is not part of another one.
                 self._held, self._sequence = raw != _REST, [_REST]
                 self._release()
             elif len(self._sequence) < _LONGEST:
@@ -109,14 +109,14 @@ class TactileGesture(Module):
             self._settled = now
             if not self._held:
                 self._held = True
-            self._tell()
+            self._emit_gesture()
         elif self._pattern == _REST and lasted >= self._times["sequence"]:
             if len(self._sequence) > 1:
-                self._tell()
+                self._emit_gesture()
                 self._release()
             self._sequence = [_REST]
 
-    def _tell(self) -> None:
+    def _emit_gesture(self) -> None:
         name = self.get_gesture(self._sequence)
         if name:
             self._emit("onGesture", name)

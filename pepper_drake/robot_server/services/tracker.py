@@ -1,4 +1,4 @@
-"""ALTracker: looks and points at a place. It follows no target: nothing is recognised."""
+"""ALTracker: looks and points at positions. It tracks no target: nothing is recognised."""
 
 import math
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from pepper_drake.robot_server.services.waiting import Module
 Vector = npt.NDArray[np.float64]
 
 _ROUNDS = 6
-"""Corrections until the hand is on the line to the place; each takes off most of the error."""
+"""Iterations until the hand is on the line to the position; each removes most of the error."""
 
 _ORIGIN = (0.0, 0.0, 0.0)
 
@@ -52,12 +52,12 @@ class Tracker(Module):
         )
 
     async def look_at(self, position: Any, *arguments: Any) -> None:
-        """Turns the head so that the top camera looks at a place [m].
+        """Turns the head so that the top camera looks at a position [m].
 
         Args:
-            position: The place (3,) in a frame.
+            position: The position (3,) in a frame.
             arguments: The frame (0 torso, 1 world, 2 robot; left out: torso), fraction of the
-                largest speed, and whether the whole body helps, which Pepper's does not.
+                largest speed, and whether to use the whole body, which is ignored.
         """
         frame, share = (FRAME_TORSO, arguments[0]) if len(arguments) == 2 else arguments[:2]
         p_T = self._in_torso(numbers(position, 3, "the position"), frame)
@@ -66,11 +66,11 @@ class Tracker(Module):
         await self._motion.go_to(targets, fraction(share), "lookAt")
 
     async def point_at(self, effector: str, position: Any, *arguments: Any) -> None:
-        """Points with an arm, straight from the shoulder, at a place [m].
+        """Points with an arm, straight from the shoulder, at a position [m].
 
         Args:
             effector: "LArm", "RArm" or "Arms": the nearer one.
-            position: The place (3,) in a frame.
+            position: The position (3,) in a frame.
             arguments: The frame (left out: torso) and the fraction of the largest speed.
         """
         frame, share = (FRAME_TORSO, arguments[0]) if len(arguments) == 1 else arguments[:2]
@@ -87,7 +87,7 @@ class Tracker(Module):
         return list(self._motion.state.base_pose)
 
     def is_active(self) -> bool:
-        """Returns whether a target is followed: none is."""
+        """Returns whether a target is tracked: none is."""
         return False
 
     def is_new_target_detected(self) -> bool:
@@ -95,11 +95,11 @@ class Tracker(Module):
         return False
 
     def is_target_lost(self) -> bool:
-        """Returns whether the target is out of sight: there is none to see."""
+        """Returns whether the target is lost: there is none to see."""
         return True
 
     def get_active_target(self) -> str:
-        """Returns the target that is followed: none."""
+        """Returns the tracked target: none."""
         return ""
 
     def get_supported_targets(self) -> list[str]:
@@ -107,28 +107,28 @@ class Tracker(Module):
         return []
 
     def get_target_position(self, _frame: int = FRAME_TORSO) -> list[float]:
-        """Returns where the target is: it is not seen."""
+        """Returns the target's position: it is not seen."""
         return []
 
     def get_registered_targets(self) -> list[str]:
-        """Returns the targets that were registered."""
+        """Returns the registered targets."""
         return sorted(self._targets)
 
     def register_target(self, target: str, parameters: Any) -> None:
-        """Keeps a target; to follow it is refused."""
+        """Registers a target, which is never recognised."""
         self._targets[target] = parameters
 
     def unregister_target(self, target: str) -> None:
-        """Forgets a target."""
+        """Unregisters a target."""
         self._targets.pop(target, None)
 
     def unregister_targets(self, targets: list[str]) -> None:
-        """Forgets targets."""
+        """Unregisters targets."""
         for target in targets:
             self._targets.pop(target, None)
 
     def unregister_all_targets(self) -> None:
-        """Forgets all targets."""
+        """Unregisters all targets."""
         self._targets.clear()
 
     get_target_names = get_supported_targets
@@ -139,13 +139,13 @@ class Tracker(Module):
     remove_all_targets = unregister_all_targets
 
     def track(self, target: str) -> None:
-        """Would follow a target; it is lost, as `isTargetLost` says: nothing is recognised."""
+        """Logs that a target is not tracked: it stays lost, as `isTargetLost` says."""
         if target not in self._targets:
             raise ValueError(f"target {target!r} was not registered")
         self._log(f"ALTracker is to follow {target}; nothing is recognised, and it stays lost")
 
     def track_event(self, event: str) -> None:
-        """Would follow what an event tells: nothing is recognised."""
+        """Logs that an event's target is not tracked."""
         self._log(f"ALTracker is to follow {event}; nothing is recognised")
 
     def stop_tracker(self) -> None:
@@ -153,64 +153,64 @@ class Tracker(Module):
         self._motion.tasks.kill_where(lambda task: task.name in ("lookAt", "pointAt"))
 
     def set_effector(self, effector: str) -> None:
-        """Sets the arm that would follow a target."""
+        """Sets the arm for tracking."""
         if effector not in ("None", "Arms", *_SHOULDER):
             raise ValueError(f"there is no effector {effector!r}")
         self._effector = effector
 
     def get_effector(self) -> str:
-        """Returns the arm that would follow a target."""
+        """Returns the arm for tracking."""
         return self._effector
 
     def set_mode(self, mode: str) -> None:
-        """Sets what would follow a target."""
+        """Sets the mode of tracking."""
         if mode not in self.get_available_modes():
             raise ValueError(f"there is no mode {mode!r}")
         self._mode = mode
 
     def get_mode(self) -> str:
-        """Returns what would follow a target."""
+        """Returns the mode of tracking."""
         return self._mode
 
     def get_available_modes(self) -> list[str]:
-        """Returns what may follow a target."""
+        """Returns the modes of tracking."""
         return ["Head", "BodyRotation", "WholeBody", "Move", "Navigate"]
 
     def toggle_search(self, search: bool) -> None:
-        """Sets whether a lost target would be searched."""
+        """Sets whether a lost target is searched."""
         self._search = search
 
     def is_search_enabled(self) -> bool:
-        """Returns whether a lost target would be searched."""
+        """Returns whether a lost target is searched."""
         return self._search
 
     def set_time_out(self, milliseconds: int) -> None:
-        """Sets after what time a target would be lost [ms]."""
+        """Sets the timeout of a target [ms]."""
         self._timeout = milliseconds
 
     def get_time_out(self) -> int:
-        """Returns after what time a target would be lost [ms]."""
+        """Returns the timeout of a target [ms]."""
         return self._timeout
 
     def set_maximum_distance_detection(self, distance: float) -> None:
-        """Sets how far a target would be followed [m]."""
+        """Sets the range of tracking [m]."""
         self._range = distance
 
     def get_maximum_distance_detection(self) -> float:
-        """Returns how far a target would be followed [m]."""
+        """Returns the range of tracking [m]."""
         return self._range
 
     def initialize(self) -> None:
-        """Sets all settings to what they are at first."""
+        """Unregisters all targets, and resets effector and mode."""
         self._targets.clear()
         self._effector, self._mode = "None", "Head"
 
     def set_relative_position(self, position: Any) -> None:
-        """Sets where the robot would stand to a target."""
+        """Sets the robot's wanted position relative to a target."""
         self._relative = position
 
     def get_relative_position(self) -> Any:
-        """Returns where the robot would stand to a target."""
+        """Returns the robot's wanted position relative to a target."""
         return self._relative
 
     def _in_torso(self, position: list[float], frame: int) -> Vector:
@@ -222,7 +222,7 @@ class Tracker(Module):
 
 
 def _point(arm: str, p_T: Vector) -> dict[str, float]:
-    """Returns the arm's angles [rad], within limits, that stretch it towards a place."""
+    """Returns the angles of the arm stretched towards a position [rad], within limits."""
     place = np.zeros(len(JOINTS))
     names = CHAINS[arm][:5]
     pitch, roll = (JOINTS.index(name) for name in names[:2])
@@ -238,6 +238,6 @@ def _point(arm: str, p_T: Vector) -> dict[str, float]:
 
 
 def _pitch_and_roll(direction: Vector) -> tuple[float, float]:
-    """Returns the angles of a direction down from ahead and out to the left [rad]."""
+    """Returns a direction's angles below the horizontal and to the left [rad]."""
     x, y, z = direction
     return math.atan2(-z, x), math.atan2(y, math.hypot(x, z))

@@ -1,4 +1,4 @@
-"""ALVideoDevice: subscriptions to cameras, and their images in every form."""
+"""ALVideoDevice: subscriptions to cameras, and their images in all formats."""
 
 import asyncio
 from collections.abc import Sequence
@@ -21,13 +21,13 @@ SUBSCRIPTIONS = 6
 """Largest number of subscriptions of one name."""
 
 _FIRST_IMAGE = 1.0
-"""Longest wait of `getImageRemote` for a camera's first image [s]."""
+"""Timeout of `getImageRemote` for a camera's first image [s]."""
 
 _POLL = 0.02
-"""Time between two looks for the first image [s]."""
+"""Polling period of the first image [s]."""
 
 _LARGE = 640 * 480
-"""Number of pixels above which an image is encoded beside the loop."""
+"""Number of pixels above which an image is encoded on another thread."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Video(CameraFacts, Module):
     def subscribe_camera(
         self, caller: Caller, name: str, camera: int, resolution: int, color_space: int, fps: int
     ) -> str:
-        """Subscribes to a camera; returns the handle, empty if it cannot be."""
+        """Subscribes to a camera; returns the handle, empty if impossible."""
         return self._subscribe(caller, name, [Stream(camera, resolution, color_space)], fps)
 
     @with_caller
@@ -83,9 +83,9 @@ class Video(CameraFacts, Module):
         color_spaces: Sequence[int],
         fps: int,
     ) -> str:
-        """Subscribes to several cameras at once; returns the handle, empty if it cannot be."""
+        """Subscribes to several cameras at once; returns the handle, empty if impossible."""
         lists = (cameras, resolutions, color_spaces)
-        if not all(isinstance(v, list | tuple) and all(map(_whole, v)) for v in lists):
+        if not all(isinstance(v, list | tuple) and all(map(_is_int, v)) for v in lists):
             raise ValueError("cameras, resolutions and colour spaces must be lists of integers")
         if not len(cameras) == len(resolutions) == len(color_spaces) > 0:
             raise ValueError("cameras, resolutions and colour spaces must be of one length")
@@ -96,37 +96,37 @@ class Video(CameraFacts, Module):
     def subscribe(
         self, caller: Caller, name: str, resolution: int, color_space: int, fps: int
     ) -> str:
-        """Subscribes to the active camera, as programs of old do."""
+        """Subscribes to the active camera (old API)."""
         return self._subscribe(caller, name, [Stream(self.active, resolution, color_space)], fps)
 
     def unsubscribe(self, handle: str) -> bool:
         """Ends a subscription; returns whether there was one."""
         found = self._subscriptions.pop(handle, None)
-        self._ask()
+        self._request_images()
         return found is not None
 
     def unsubscribe_all_instances(self, name: str) -> None:
         """Ends all subscriptions of a name."""
         for handle in _handles(name):
             self._subscriptions.pop(handle, None)
-        self._ask()
+        self._request_images()
 
     def get_subscribers(self) -> list[str]:
         """Returns the handles."""
         return sorted(self._subscriptions)
 
     def client_left(self, caller: Caller) -> None:
-        """Ends the subscriptions of a client that is gone."""
+        """Ends the subscriptions of a disconnected client."""
         for handle in [h for h, s in self._subscriptions.items() if s.client == caller.client]:
             del self._subscriptions[handle]
-        self._ask()
+        self._request_images()
 
     # Images.
 
     async def get_image_remote(self, handle: str) -> list[Any] | None:
         """Returns the newest image: size, layers, space, time, bytes, camera, four angles.
 
-        None if the camera has had none for a second.
+        None if the camera has no image within a second.
         """
         subscription = self._subscription(handle)
         return await self._reply(subscription.streams[0])
@@ -144,7 +144,7 @@ class Video(CameraFacts, Module):
         return await self.get_images_remote(handle)
 
     def release_image(self, handle: str) -> bool:
-        """Gives an image back; there is nothing to do."""
+        """Releases an image; has no effect."""
         return handle in self._subscriptions
 
     def release_direct_raw_image(self, handle: str) -> bool:
@@ -152,14 +152,14 @@ class Video(CameraFacts, Module):
         return self.release_image(handle)
 
     def release_images(self, handle: str) -> list[bool]:
-        """Gives images back; there is nothing to do."""
+        """Releases images; has no effect."""
         return [True] * len(self._subscription(handle).streams)
 
     def release_direct_raw_images(self, handle: str) -> list[bool]:
         """As `releaseImages`."""
         return self.release_images(handle)
 
-    # What is asked of a handle, or of a camera by its id.
+    # Settings of a handle, or of a camera by its id.
 
     def get_active_camera(self, handle: str = "") -> int:
         """Returns a subscription's camera, or the one that `subscribe` takes."""
@@ -172,7 +172,7 @@ class Video(CameraFacts, Module):
         return self._change(arguments[0], camera=arguments[1])
 
     def get_resolution(self, which: Any) -> int:
-        """Returns the resolution of a subscription, or the largest wanted of a camera."""
+        """Returns the resolution of a subscription, or the largest of a camera's subscriptions."""
         if isinstance(which, str):
             return self._first(which).resolution
         return max((s.resolution for s in self._streams(which)), default=-1)
@@ -192,7 +192,7 @@ class Video(CameraFacts, Module):
         return self._change(handle, color_space=color_space)
 
     def get_frame_rate(self, which: Any) -> int:
-        """Returns the frame rate of a subscription, or the largest wanted of a camera [1/s]."""
+        """Returns the frame rate of a subscription, or a camera's largest subscribed one [1/s]."""
         if isinstance(which, str):
             return self._subscription(which).fps
         known_camera(which)
@@ -207,7 +207,7 @@ class Video(CameraFacts, Module):
         if not 1 <= fps <= CAMERAS[found.streams[0].camera].fps:
             return False
         self._subscriptions[handle] = replace(found, fps=fps)
-        self._ask()
+        self._request_images()
         return True
 
     def get_active_cameras(self, handle: str) -> list[int]:
@@ -223,15 +223,15 @@ class Video(CameraFacts, Module):
         return [stream.color_space for stream in self._subscription(handle).streams]
 
     def set_active_cameras(self, handle: str, cameras: Sequence[int]) -> list[bool]:
-        """Changes the cameras of a subscription; returns of each whether it could be."""
+        """Changes the cameras of a subscription; returns the success of each."""
         return self._change_each(handle, "camera", cameras)
 
     def set_resolutions(self, handle: str, resolutions: Sequence[int]) -> list[bool]:
-        """Changes the resolutions of a subscription; returns of each whether it could be."""
+        """Changes the resolutions of a subscription; returns the success of each."""
         return self._change_each(handle, "resolution", resolutions)
 
     def set_color_spaces(self, handle: str, color_spaces: Sequence[int]) -> list[bool]:
-        """Changes the colour spaces of a subscription; returns of each whether it could be."""
+        """Changes the colour spaces of a subscription; returns the success of each."""
         return self._change_each(handle, "color_space", color_spaces)
 
     def is_frame_grabber_off(self, *camera: int) -> bool | int:
@@ -254,11 +254,11 @@ class Video(CameraFacts, Module):
         return self.set_parameter(self._first(handle).camera, parameter, value)
 
     def set_camera_parameter_to_default(self, handle: str, parameter: int) -> bool:
-        """Sets a parameter of a subscription's camera to what it is at first."""
+        """Resets a parameter of a subscription's camera to its default."""
         return self.set_parameter_to_default(self._first(handle).camera, parameter)
 
     def set_all_camera_parameters_to_default(self, handle: str) -> bool:
-        """Sets the parameters of a subscription's camera to what they are at first."""
+        """Resets the parameters of a subscription's camera to their defaults."""
         return self.set_all_parameters_to_default(self._first(handle).camera)
 
     def get_cameras_parameter(self, handle: str, parameter: int) -> list[int]:
@@ -266,15 +266,15 @@ class Video(CameraFacts, Module):
         return [self.get_parameter(c, parameter) for c in self.get_active_cameras(handle)]
 
     def set_cameras_parameter(self, handle: str, parameter: int, values: Any) -> list[bool]:
-        """Sets a parameter, to a value for each camera or one for all; returns of each whether."""
+        """Sets a parameter of each camera (one value for all or each); returns each success."""
         cameras = self.get_active_cameras(handle)
         each = list(values) if isinstance(values, list | tuple) else [values] * len(cameras)
-        if len(each) != len(cameras) or not all(map(_whole, each)):
+        if len(each) != len(cameras) or not all(map(_is_int, each)):
             raise ValueError(f"{len(cameras)} integers are needed, one for each camera")
         return [self.set_parameter(c, parameter, v) for c, v in zip(cameras, each, strict=True)]
 
     def set_cameras_parameter_to_default(self, handle: str, parameter: int) -> list[bool]:
-        """Sets a parameter of each camera to what it is at first."""
+        """Resets a parameter of each camera to its default."""
         cameras = self.get_active_cameras(handle)
         return [self.set_parameter_to_default(camera, parameter) for camera in cameras]
 
@@ -283,7 +283,7 @@ class Video(CameraFacts, Module):
         return self.get_parameter_range(self._first(handle).camera, parameter)
 
     def get_camera_parameter_info(self, handle: str, parameter: int) -> list[int]:
-        """Returns value, least, largest and first value of a parameter."""
+        """Returns value, least, largest and default value of a parameter."""
         return self.get_parameter_info(self._first(handle).camera, parameter)
 
     def _subscribe(self, caller: Caller, name: str, streams: list[Stream], fps: int) -> str:
@@ -295,7 +295,7 @@ class Video(CameraFacts, Module):
         limit = min(CAMERAS[stream.camera].fps for stream in known)
         handle = free[0]
         self._subscriptions[handle] = Subscription(known, min(fps, limit), caller.client)
-        self._ask()
+        self._request_images()
         return handle
 
     def _subscription(self, handle: str) -> Subscription:
@@ -317,14 +317,14 @@ class Video(CameraFacts, Module):
         if changed is None:
             return False
         self._subscriptions[handle] = replace(found, streams=(changed, *found.streams[1:]))
-        self._ask()
+        self._request_images()
         return True
 
     def _change_each(self, handle: str, what: str, values: Sequence[int]) -> list[bool]:
         found = self._subscription(handle)
         if not isinstance(values, list | tuple) or len(values) != len(found.streams):
             raise ValueError(f"{len(found.streams)} values are needed, one for each camera")
-        if not all(map(_whole, values)):
+        if not all(map(_is_int, values)):
             raise ValueError("the values must be integers")
         changed = [
             _served(replace(stream, **{what: value}))
@@ -334,11 +334,11 @@ class Video(CameraFacts, Module):
             new if new is not None else old for new, old in zip(changed, found.streams, strict=True)
         )
         self._subscriptions[handle] = replace(found, streams=streams)
-        self._ask()
+        self._request_images()
         return [stream is not None for stream in changed]
 
-    def _ask(self) -> None:
-        """Asks each camera for the largest image and rate that a subscription wants."""
+    def _request_images(self) -> None:
+        """Requests of each camera the largest size and rate of its subscriptions."""
         for camera in CAMERAS:
             sizes = [RESOLUTIONS[stream.resolution] for stream in self._streams(camera)]
             width, height = max(sizes, default=(0, 0))
@@ -355,22 +355,22 @@ class Video(CameraFacts, Module):
             return None
         width, height = RESOLUTIONS[stream.resolution]
         if width * height > _LARGE:
-            # Long enough to make other clients wait.
+            # Slow enough to delay other clients.
             return await asyncio.to_thread(encode_image, image, stream)
         return encode_image(image, stream)
 
 
-def _whole(value: Any) -> bool:
+def _is_int(value: Any) -> bool:
     return isinstance(value, int)
 
 
 def _handles(name: str) -> list[str]:
-    """Returns the handles that a name may have."""
+    """Returns the possible handles of a name."""
     return [name, *(f"{name}_{k}" for k in range(2, SUBSCRIPTIONS + 1))]
 
 
 def encode_image(image: CameraImage, stream: Stream) -> list[Any]:
-    """Makes the reply to `getImageRemote` from an image of any size."""
+    """Makes the reply of `getImageRemote` from an image of any size."""
     width, height = RESOLUTIONS[stream.resolution]
     pixels = _resized(image.pixels, width, height)
     if pixels.ndim == 2:
@@ -381,19 +381,19 @@ def encode_image(image: CameraImage, stream: Stream) -> list[Any]:
 
 
 def _resized(pixels: npt.NDArray[Any], width: int, height: int) -> npt.NDArray[Any]:
-    """Scales as the camera does, without averaging: depths of different things must not mix."""
+    """Scales without averaging, like the camera: depths of different objects must not mix."""
     if pixels.shape[:2] == (height, width):
         return np.ascontiguousarray(pixels)
     return cv2.resize(pixels, (width, height), interpolation=cv2.INTER_NEAREST)
 
 
 def _served(stream: Stream) -> Stream | None:
-    """Returns what a camera gives where this is asked for, None if nothing."""
+    """Returns the stream that a camera delivers for a requested one, or None."""
     if stream.camera not in CAMERAS:
         return None
     camera = CAMERAS[stream.camera]
     if stream.camera == DEPTH and stream.resolution == VGA:
-        # A Pepper that is asked for depth of this size gives this one.
+        # A Pepper delivers this size for a request of VGA depth.
         stream = replace(stream, resolution=QQQVGA)
     known = stream.resolution in camera.resolutions and stream.color_space in camera.color_spaces
     return stream if known else None

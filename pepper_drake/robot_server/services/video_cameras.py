@@ -1,11 +1,11 @@
-"""ALVideoDevice's facts of the cameras, and their parameters."""
+"""ALVideoDevice's data on the cameras, and their parameters."""
 
 from collections.abc import Sequence
 
 from pepper_drake.naoqi.constants import CAMERAS, DEPTH, RESOLUTIONS, TOP, Camera
 from pepper_drake.robot_server.services.motion_arguments import numbers
 
-# Parameters: id: (least, largest, default), of the colour cameras (OV5640).
+# Parameters of the colour cameras (OV5640) by id: least, largest, default.
 _PARAMETERS: dict[int, tuple[int, int, int]] = {
     0: (-255, 255, 0),  # brightness
     1: (0, 255, 32),  # contrast
@@ -34,7 +34,7 @@ class CameraFacts:
     """Cameras and their parameters by camera id.
 
     Attributes:
-        active: The camera that programs of old mean.
+        active: The camera of the old API.
     """
 
     def __init__(self) -> None:
@@ -66,15 +66,15 @@ class CameraFacts:
         return camera in CAMERAS
 
     def open_camera(self, camera: int) -> bool:
-        """Opens a camera; it is open."""
+        """Opens a camera; has no effect."""
         return camera in CAMERAS
 
     def close_camera(self, camera: int) -> bool:
-        """Closes a camera; subscriptions decide whether it takes images."""
+        """Has no effect: subscriptions decide whether a camera takes images."""
         return camera in CAMERAS
 
     def reset_camera(self, camera: int) -> bool:
-        """Starts a camera anew; there is nothing to do."""
+        """Resets a camera; has no effect."""
         return camera in CAMERAS
 
     stop_camera = close_camera
@@ -86,7 +86,7 @@ class CameraFacts:
     stop_frame_grabber = start_frame_grabber
 
     def start_camera(self, camera: int) -> bool:
-        """Starts a camera; a subscription does."""
+        """Has no effect: a subscription starts a camera."""
         return camera in CAMERAS
 
     def get_horizontal_fov(self, camera: int) -> float:
@@ -108,7 +108,7 @@ class CameraFacts:
     def get_angular_position_from_image_position(
         self, camera: int, position: Sequence[float]
     ) -> list[float]:
-        """Returns angles to the left and down [rad] of a place from (0, 0) to (1, 1)."""
+        """Returns angles to the left and down [rad] of an image position from (0, 0) to (1, 1)."""
         known = known_camera(camera)
         x, y = numbers(position, 2, "a position")
         return [(0.5 - x) * known.width_fov, (y - 0.5) * known.height_fov]
@@ -116,7 +116,7 @@ class CameraFacts:
     def get_image_position_from_angular_position(
         self, camera: int, angles: Sequence[float]
     ) -> list[float]:
-        """Returns the place, from (0, 0) to (1, 1), of angles to the left and down [rad]."""
+        """Returns the image position, (0, 0) to (1, 1), of angles to the left and down [rad]."""
         known = known_camera(camera)
         left, down = numbers(angles, 2, "angles")
         return [0.5 - left / known.width_fov, 0.5 + down / known.height_fov]
@@ -143,7 +143,7 @@ class CameraFacts:
         """Returns the resolution of a width and height [pixels], -1 if there is none."""
         return next((k for k, size in RESOLUTIONS.items() if size == (width, height)), -1)
 
-    # Parameters: kept, without effect on the images.
+    # Parameters: stored, without effect on the images.
 
     def get_parameter(self, camera: int, parameter: int) -> int:
         """Returns a camera's parameter."""
@@ -151,7 +151,7 @@ class CameraFacts:
         return self._parameters.get((camera, parameter), _parameter(parameter)[2])
 
     def set_parameter(self, camera: int, parameter: int, value: int) -> bool:
-        """Sets a camera's parameter; returns whether it may have that value."""
+        """Sets a camera's parameter; returns whether the value is valid."""
         lower, upper, _ = _PARAMETERS.get(parameter, (0, -1, 0))
         if camera not in CAMERAS or not lower <= value <= upper:
             return False
@@ -159,12 +159,12 @@ class CameraFacts:
         return True
 
     def set_parameter_to_default(self, camera: int, parameter: int) -> bool:
-        """Sets a camera's parameter to what it is at first."""
+        """Resets a camera's parameter to its default."""
         self._parameters.pop((camera, parameter), None)
         return camera in CAMERAS and parameter in _PARAMETERS
 
     def set_all_parameters_to_default(self, camera: int) -> bool:
-        """Sets a camera's parameters to what they are at first."""
+        """Resets a camera's parameters to their defaults."""
         for key in [key for key in self._parameters if key[0] == camera]:
             del self._parameters[key]
         return camera in CAMERAS
@@ -175,22 +175,22 @@ class CameraFacts:
         return list(_parameter(parameter)[:2])
 
     def get_parameter_info(self, camera: int, parameter: int) -> list[int]:
-        """Returns value, least, largest and first value of a parameter."""
+        """Returns value, least, largest and default value of a parameter."""
         lower, upper, default = _parameter(parameter)
         return [self.get_parameter(camera, parameter), lower, upper, default]
 
     def get_param(self, parameter: int, camera: int | None = None) -> int:
-        """Returns a parameter, as programs of old do."""
+        """Returns a parameter (old API)."""
         return self.get_parameter(self.active if camera is None else camera, parameter)
 
     def set_param(self, parameter: int, value: int, camera: int | None = None) -> None:
-        """Sets a parameter, as programs of old do; 18 is the active camera."""
+        """Sets a parameter (old API); 18 is the active camera."""
         if parameter == 18:
             self._activate(value)
         self.set_parameter(self.active if camera is None else camera, parameter, value)
 
     def set_param_default(self, parameter: int) -> None:
-        """Sets a parameter of the active camera to what it is at first."""
+        """Resets a parameter of the active camera to its default."""
         self.set_parameter_to_default(self.active, parameter)
 
     def _activate(self, camera: int) -> bool:

@@ -1,4 +1,4 @@
-"""Waiting by the robot's clock, and what every module of NAOqi answers."""
+"""Waiting by the robot's clock, and the common methods of NAOqi's modules."""
 
 import asyncio
 import heapq
@@ -10,11 +10,11 @@ from pepper_drake.robot_server.wire.service import Caller, Service, ServiceError
 from pepper_drake.robot_server.wire.signatures import with_caller
 
 VERSION = "2.5.10.7"
-"""NAOqi's version that is served."""
+"""The served version of NAOqi."""
 
 
 class RobotTimer:
-    """Sleep that lasts as long as the robot's clock says, however slow that runs.
+    """Sleep by the robot's clock, however slow that runs.
 
     Attributes:
         now: The robot's clock [s].
@@ -26,7 +26,7 @@ class RobotTimer:
         self._waiting: list[tuple[float, int, asyncio.Future[None]]] = []
 
     async def sleep(self, duration: float) -> None:
-        """Returns when the robot's clock has gone on by a duration [s]."""
+        """Returns when a duration has passed by the robot's clock [s]."""
         if duration <= 0.0:
             return
         future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -34,7 +34,7 @@ class RobotTimer:
         await future
 
     def step(self, now: float) -> None:
-        """Wakes what is due."""
+        """Wakes the sleepers that are due."""
         self.now = now
         while self._waiting and self._waiting[0][0] <= now + 1e-9:
             _, _, future = heapq.heappop(self._waiting)
@@ -43,7 +43,7 @@ class RobotTimer:
 
 
 async def until_ended(tasks: TaskManager, task: Task) -> None:
-    """Waits until a task has ended; a call that is cancelled meanwhile kills it."""
+    """Waits until a task has ended; cancellation of the call kills it."""
     future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
     task.when_ended(lambda: None if future.done() else future.set_result(None))
     try:
@@ -54,11 +54,11 @@ async def until_ended(tasks: TaskManager, task: Task) -> None:
 
 
 class Module:
-    """Methods of every module of NAOqi, and calls that run beside their caller.
+    """Common methods of NAOqi's modules, and asynchronous calls.
 
     Attributes:
         name: The service's name.
-        served: The service that is made of this; set when it is.
+        served: The service made from this module, once it is made.
     """
 
     def __init__(self, name: str) -> None:
@@ -68,7 +68,7 @@ class Module:
         self._last_call = 0
 
     def exit(self) -> None:
-        """Refuses: a module is not ended from afar."""
+        """Refuses: a module cannot be ended remotely."""
         raise ValueError("not allowed: the module ends with the robot")
 
     def version(self) -> str:
@@ -76,7 +76,7 @@ class Module:
         return VERSION
 
     def ping(self) -> bool:
-        """Answers."""
+        """Returns True."""
         return True
 
     def get_broker_name(self) -> str:
@@ -108,7 +108,7 @@ class Module:
 
     @with_caller
     def p_call(self, caller: Caller, uid: int, arguments: list[Any]) -> int:
-        """Starts a method beside the caller; returns a number for `wait`, `isRunning`, `stop`."""
+        """Starts a method asynchronously; returns a number for `wait`, `isRunning`, `stop`."""
         method = self._service().methods.get(uid)
         if method is None:
             raise ValueError(f"there is no method {uid}")
@@ -125,7 +125,7 @@ class Module:
         return self._last_call
 
     async def wait(self, call: int, timeout: int = 0) -> bool:
-        """Waits for a call [ms; 0: as long as it takes]; returns whether it is still running."""
+        """Waits for a call with a timeout [ms; 0: none]; returns whether it is still running."""
         future = self._calls.get(call)
         if future is None:
             return False
@@ -151,6 +151,6 @@ class Module:
 
 
 def _look(future: "asyncio.Future[Any]") -> None:
-    """Looks at how a call ended, so that nothing is said of an error nobody waited for."""
+    """Retrieves a call's exception, so that asyncio does not warn if nobody waited for it."""
     if not future.cancelled():
         future.exception()

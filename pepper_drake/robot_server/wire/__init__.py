@@ -1,1 +1,1 @@
-"""QiMessaging: connections, the service directory, objects and what they may be called with."""
+"""QiMessaging: connections, the service directory, objects and their signatures."""

@@ -1,4 +1,4 @@
-"""Statistics and traces of an object's calls, which a client may switch on."""
+"""Statistics and traces of an object's calls, enabled by clients."""
 
 import inspect
 import resource
@@ -40,7 +40,7 @@ class CallWatch:
 
     Attributes:
         counts: Whether statistics are kept.
-        traces: Whether calls and results are told by the signal `traceObject`.
+        traces: Whether calls and results are emitted by the signal `traceObject`.
     """
 
     counts: bool = False
@@ -55,13 +55,13 @@ class CallWatch:
         }
 
     def clear(self) -> None:
-        """Forgets the statistics."""
+        """Clears the statistics."""
         self._kept.clear()
 
     def run(
         self, call: Callable[[], Any], uid: int, number: int, arguments: Any, tell: Tell
     ) -> Any:
-        """Makes a call, and keeps or tells how it went.
+        """Makes a call, with statistics and traces if enabled.
 
         Args:
             call: Makes it; its result may be awaitable.
@@ -71,7 +71,7 @@ class CallWatch:
             tell: Emits `traceObject`.
 
         Returns:
-            What `call` does.
+            The result of `call`.
         """
         begin, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_THREAD)
         self._trace(tell, number, _CALL, uid, arguments, (0, 0))
@@ -115,7 +115,7 @@ class CallWatch:
 
 
 def _plain(value: Any) -> Any:
-    """Returns a value that can be told: objects and images by their type."""
+    """Returns a value for a trace: objects and images are replaced by their type."""
     if value is None or isinstance(value, bool | int | float):
         return value
     if isinstance(value, str):

@@ -1,6 +1,6 @@
-"""One client's connection: its handshake, calls, subscriptions and objects.
+"""A client's connection: its handshake, calls, subscriptions and objects.
 
-What a client does wrong ends its own connection, and no other.
+A client's errors end its own connection, and no other.
 """
 
 import asyncio
@@ -47,17 +47,17 @@ from pepper_drake.robot_server.wire.service import (
 AUTHENTICATE = (0, 8)
 """Service and action of the handshake."""
 _HANDSHAKE_SECONDS = 10.0
-"""A client that has not authenticated by then is let go [s]."""
+"""Timeout of a client's authentication [s]."""
 _MESSAGE_SECONDS = 30.0
-"""A message that has begun must be complete by then [s]."""
+"""Timeout of an incomplete message [s]."""
 _HANDSHAKE_BYTES = 64 * 1024
 """Largest message before the client has authenticated [bytes]."""
 _WAITING_BYTES = 32 * 2**20
-"""A client that leaves more unread than this is let go [bytes]: two of the largest images."""
+"""Back pressure limit: a client with more unread bytes is dropped; two of the largest images."""
 _CALLS = 256
-"""Calls of one client that may run at once; the next is read when one has ended."""
+"""Most concurrent calls of a client; the next is read when one has ended."""
 _OBJECTS = 1024
-"""Objects that one client may hold."""
+"""Most objects of a client."""
 _FAILED, _DONE = 1, 3
 """Values of `__qi_auth_state`."""
 _CAPABILITIES = {
@@ -78,13 +78,13 @@ class Credentials:
     password: str
 
     def accept(self, user: object, token: object) -> bool:
-        """Returns whether they are those given, in a time that tells nothing of them."""
+        """Returns whether they match, in constant time against timing attacks."""
         given = f"{user}\0{token}".encode(errors="replace")
         return hmac.compare_digest(given, f"{self.user}\0{self.password}".encode())
 
 
 class Objects(Protocol):
-    """Services by their numbers, as connections look them up."""
+    """Services by number, for connections."""
 
     def service(self, number: int) -> Service | None:
         """Returns the service of a number."""
@@ -102,7 +102,7 @@ class Connection:
     """A client.
 
     Attributes:
-        caller: How handlers know it.
+        caller: Its identity for handlers.
     """
 
     def __init__(
@@ -114,21 +114,21 @@ class Connection:
         credentials: Credentials | None,
         log: Callable[[str], None],
     ) -> None:
-        """Takes a connection over.
+        """Takes over a connection.
 
         Args:
-            reader: What the client sends.
+            reader: From the client.
             writer: To the client.
             caller: Its number and address.
             objects: The services.
-            credentials: What the client must give; None if nothing.
-            log: Takes a line for people.
+            credentials: Required of the client, or None.
+            log: Takes a line for the user.
         """
         self.caller = caller
         self._reader, self._writer = reader, writer
         self._objects, self._credentials, self._log = objects, credentials, log
         self._authenticated = False
-        self._own: dict[tuple[int, int], Service] = {}
+        self._temporary: dict[tuple[int, int], Service] = {}
         self._numbers = itertools.count(2)
         self._calls: dict[int, asyncio.Task[None]] = {}
         self._free = asyncio.Semaphore(_CALLS)
@@ -138,7 +138,7 @@ class Connection:
         self._closed = False
 
     async def serve(self) -> None:
-        """Answers the client until it leaves or breaks the protocol."""
+        """Serves the client until it disconnects or violates the protocol."""
         try:
             while True:
                 message = await self._next_message()
@@ -151,7 +151,7 @@ class Connection:
             await self._close()
 
     def abort(self) -> None:
-        """Ends the connection without waiting for what is still to be sent."""
+        """Ends the connection without waiting for unsent data."""
         self._writer.transport.abort()
 
     async def _next_message(self) -> Message:
@@ -200,7 +200,7 @@ class Connection:
         self._answer(message, "{sm}", _CAPABILITIES | state)
 
     def _start(self, message: Message) -> None:
-        """Runs a call. What needs no waiting is answered at once, in the order of the calls."""
+        """Runs a call. Synchronous results are answered at once, in the order of the calls."""
         answers = message.type == MessageType.CALL
         try:
             result, signature = self._perform(message)
@@ -242,7 +242,7 @@ class Connection:
                 self._send_error(message, "the call failed in the robot")
 
     def _perform(self, message: Message) -> tuple[Any, str]:
-        """Returns what a call gives (perhaps to be awaited), and its signature."""
+        """Returns the result of a call (possibly awaitable), and its signature."""
         service = self._find(message.service, message.object)
         if service is None:
             raise ServiceError(f"no object {message.service}.{message.object}")
@@ -259,8 +259,8 @@ class Connection:
         arguments = self._arguments(message, method.parameters)
         watch, call = service.watch, partial(self._call, service, method, arguments)
         if watch.counts or watch.traces:
-            tell = partial(_tell_trace, service)
-            return watch.run(call, method.uid, message.id, arguments, tell), method.returns
+            trace = partial(_emit_trace, service)
+            return watch.run(call, method.uid, message.id, arguments, trace), method.returns
         return call(), method.returns
 
     def _call(self, service: Service, method: Method, arguments: tuple[Any, ...]) -> Any:
@@ -277,8 +277,8 @@ class Connection:
     def _arguments(self, message: Message, parameters: str) -> tuple[Any, ...]:
         """Returns the arguments of a call.
 
-        A call may name the type that its value is wanted in; as libqi's callers convert values by
-        themselves, the value is sent as the method declares it.
+        A call may request a type of its value; since libqi's callers convert values themselves, the
+        value is sent as the method declares it.
         """
         reader = Reader(message.payload, lambda at: read_object(at, self))
         dynamic = message.flags & MessageFlag.DYNAMIC_PAYLOAD
@@ -294,7 +294,7 @@ class Connection:
     def _common(
         self, message: Message, service: Service, action: int, arguments: tuple[Any, ...]
     ) -> Any:
-        """Performs one of the actions that every object has."""
+        """Performs one of the common actions of all objects."""
         if action in (Common.REGISTER_EVENT.uid, Common.REGISTER_WITH_SIGNATURE.uid):
             _, signal, link, *wanted = arguments
             self._subscribe(message, service, signal, link, wanted[0] if wanted else "")
@@ -337,7 +337,7 @@ class Connection:
     def _find(self, service: int, obj: int) -> Service | None:
         if obj <= 1:
             return self._objects.service(service)
-        return self._own.get((service, obj))
+        return self._temporary.get((service, obj))
 
     def _subscribe(
         self, message: Message, service: Service, signal: int, link: int, wanted: str
@@ -354,7 +354,7 @@ class Connection:
         )
         if self._emit not in service.emitters:
             service.emitters.append(self._emit)
-        self._tell_subscribers(service, signal)
+        self._notify_subscribers(service, signal)
 
     def _unsubscribe(self, service: Service, key: tuple[int, int, int]) -> None:
         gone = self._subscriptions.pop(key, None)
@@ -363,9 +363,9 @@ class Connection:
         left = [s for s in self._subscriptions.values() if (s.service, s.object) == key[:2]]
         if not left and self._emit in service.emitters:
             service.emitters.remove(self._emit)
-        self._tell_subscribers(service, gone.signal)
+        self._notify_subscribers(service, gone.signal)
 
-    def _tell_subscribers(self, service: Service, signal: int) -> None:
+    def _notify_subscribers(self, service: Service, signal: int) -> None:
         found = service.signals.get(signal)
         if found is not None and found.on_subscribers is not None:
             found.on_subscribers(len(service.emitters))
@@ -392,15 +392,15 @@ class Connection:
             self._send(replace(event, payload=payload))
 
     def _object_writer(self, message: Message) -> Callable[[Any], bytes]:
-        """Returns what gives a service of ours a number of this client's, and encodes it."""
+        """Returns a function that registers a service as this client's object, and encodes it."""
 
         def write(value: Any) -> bytes:
             if not isinstance(value, Service):
                 raise WireError(f"{type(value).__name__} is not an object")
-            if len(self._own) >= _OBJECTS:
+            if len(self._temporary) >= _OBJECTS:
                 raise WireError("the client holds too many objects")
             number = next(self._numbers)
-            self._own[message.service, number] = value
+            self._temporary[message.service, number] = value
             return write_meta_object(value) + encode("(II)", (message.service, number))
 
         return write
@@ -463,7 +463,7 @@ class Connection:
         return ClientObject(self, number, 1, remote_methods(found))
 
     def _terminate(self, service: int, obj: int) -> None:
-        ended = self._own.pop((service, obj), None)
+        ended = self._temporary.pop((service, obj), None)
         if ended is not None and ended.on_terminated is not None:
             ended.on_terminated()
 
@@ -475,7 +475,7 @@ class Connection:
                 self._unsubscribe(service, key)
         for task in list(self._calls.values()):
             task.cancel()
-        for service_number, number in list(self._own):
+        for service_number, number in list(self._temporary):
             self._terminate(service_number, number)
         for future in self._waiting.values():
             if not future.done():
@@ -486,6 +486,6 @@ class Connection:
                 await self._writer.wait_closed()
 
 
-def _tell_trace(service: Service, event: tuple[Any, ...]) -> None:
+def _emit_trace(service: Service, event: tuple[Any, ...]) -> None:
     for emitter in list(service.emitters):
         emitter(service, TRACE_UID, f"({TRACE})", (event,))

@@ -1,4 +1,4 @@
-"""The service directory: which services there are, ours and those that clients register."""
+"""The service directory: our services and those registered by clients."""
 
 import itertools
 import os
@@ -17,7 +17,7 @@ SERVICE_INFO = (
 DIRECTORY = 1
 """Number of the directory itself."""
 _SERVICES = 256
-"""Services that clients may register in all."""
+"""Most services registered by clients."""
 
 
 @dataclass
@@ -41,7 +41,7 @@ class Directory:
         """Makes a directory that holds only itself.
 
         Args:
-            endpoints: Addresses at which a client reaches our services.
+            endpoints: Addresses of our services for a client.
             connection: The connection of a caller.
         """
         self._endpoints, self._connection = endpoints, connection
@@ -65,7 +65,7 @@ class Directory:
         """Adds a service of ours and returns its number.
 
         Raises:
-            ValueError: A service of that name is there.
+            ValueError: A service of that name exists.
         """
         if self._number(service.name) is not None:
             raise ValueError(f"{service.name} is there twice")
@@ -88,7 +88,7 @@ class Directory:
         return number is not None and self._entries[number].owner is not None
 
     async def find_client_service(self, name: str) -> ClientObject | None:
-        """Returns a service that a client registered, to be called over its connection."""
+        """Returns a client's registered service, which is called over its connection."""
         number = self._number(name)
         entry = None if number is None else self._entries[number]
         if number is None or entry is None or entry.owner is None:
@@ -96,7 +96,7 @@ class Directory:
         return await entry.owner.client_service(number)
 
     def client_left(self, connection: Connection) -> None:
-        """Takes the services off that a client registered."""
+        """Removes the services registered by a client."""
         for number, entry in list(self._entries.items()):
             if entry.owner is connection:
                 self._remove(number)
@@ -107,8 +107,8 @@ class Directory:
     def _number(self, name: str) -> int | None:
         return next((n for n, entry in self._entries.items() if entry.info[0] == name), None)
 
-    def _told(self, caller: Caller, entry: _Entry) -> tuple[Any, ...]:
-        """Returns an entry with the addresses at which this client reaches it."""
+    def _info_for(self, caller: Caller, entry: _Entry) -> tuple[Any, ...]:
+        """Returns an entry with the addresses for this client."""
         if entry.service is None:
             return entry.info
         return (*entry.info[:4], self._endpoints(caller), *entry.info[5:])
@@ -117,10 +117,10 @@ class Directory:
         number = self._number(name)
         if number is None or not self._entries[number].ready:
             raise ServiceError(f"Cannot find service '{name}' in index")
-        return self._told(caller, self._entries[number])
+        return self._info_for(caller, self._entries[number])
 
     def _services(self, caller: Caller) -> list[tuple[Any, ...]]:
-        return [self._told(caller, entry) for entry in self._entries.values() if entry.ready]
+        return [self._info_for(caller, entry) for entry in self._entries.values() if entry.ready]
 
     def _register(self, caller: Caller, info: tuple[Any, ...]) -> int:
         name = info[0]

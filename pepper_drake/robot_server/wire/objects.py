@@ -1,4 +1,4 @@
-"""Objects on the wire: what they have (the meta-object), and those that live in a client."""
+"""Objects on the wire: their meta-objects, and objects of clients."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ STATISTICS = (
 
 @dataclass(frozen=True)
 class Action:
-    """One of the actions that every object has: uid, name, parameters, value."""
+    """A common action of all objects: uid, name, parameters, value."""
 
     uid: int
     name: str
@@ -34,7 +34,7 @@ class Action:
 
 
 class Common:
-    """The actions that every object has; libqi names and numbers them so."""
+    """The common actions of all objects, with libqi's names and numbers."""
 
     REGISTER_EVENT = Action(0, "registerEvent", "(IIL)", "L")
     UNREGISTER_EVENT = Action(1, "unregisterEvent", "(IIL)", "v")
@@ -59,7 +59,7 @@ COMMON_ACTIONS = {
 
 
 def meta_object(service: Service) -> tuple[Any, ...]:
-    """Returns what a service has, as a value of the signature `META_OBJECT`."""
+    """Returns the meta-object of a service, of the signature `META_OBJECT`."""
     methods: dict[int, tuple[Any, ...]] = {
         a.uid: (a.uid, a.returns, a.name, a.parameters, "", [], "") for a in COMMON_ACTIONS.values()
     }
@@ -78,7 +78,7 @@ def write_meta_object(service: Service) -> bytes:
 
 @dataclass(frozen=True)
 class RemoteMethod:
-    """A method of an object in a client."""
+    """A method of a client's object."""
 
     uid: int
     name: str
@@ -87,7 +87,7 @@ class RemoteMethod:
 
 
 class CallsBack(Protocol):
-    """A connection over which objects of its client are called."""
+    """A connection for calls to its client's objects."""
 
     async def call_client(
         self, service: int, obj: int, action: int, parameters: str, arguments: Any, returns: str
@@ -96,15 +96,15 @@ class CallsBack(Protocol):
 
 
 class ClientObject:
-    """An object that lives in a client, called over the client's own connection."""
+    """An object in a client, called over the client's connection."""
 
     def __init__(
         self, connection: CallsBack, service: int, obj: int, methods: Iterable[RemoteMethod]
     ) -> None:
-        """Keeps where the object is.
+        """Stores the object's address.
 
         Args:
-            connection: Its client's.
+            connection: Of its client.
             service: Number of the service there.
             obj: Number of the object there.
             methods: Its methods.

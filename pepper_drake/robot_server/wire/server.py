@@ -15,9 +15,9 @@ LOOPBACK = "127.0.0.1"
 PORT = 9559
 """NAOqi's port."""
 _CLIENTS = 64
-"""Clients at a time."""
+"""Most clients at a time."""
 _LONGEST_READ = 2**20
-"""Bytes that are read ahead of a client's message."""
+"""Size of a connection's read buffer [bytes]."""
 
 
 class QiServer:
@@ -25,7 +25,7 @@ class QiServer:
 
     Attributes:
         directory: The service directory.
-        port: The port that is listened at; known after `start`.
+        port: The port; known after `start`.
     """
 
     def __init__(
@@ -38,15 +38,15 @@ class QiServer:
         tls: ssl.SSLContext | None = None,
         log: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Makes a server that does not listen yet.
+        """Makes a server; `start` starts it.
 
         Args:
-            services: What is served.
+            services: To serve.
             host: Address to listen at.
             port: Port; 0 for a free one.
-            credentials: User and password that clients must give.
-            tls: Context of an encrypted door (tcps), or None.
-            log: Takes a line for people.
+            credentials: User and password required of clients.
+            tls: Context for an encrypted port (tcps), or None.
+            log: Takes a line for the user.
 
         Raises:
             InputError: Other machines could connect without a password.
@@ -65,10 +65,10 @@ class QiServer:
             self.directory.add(service)
 
     async def start(self) -> None:
-        """Starts to listen.
+        """Starts listening.
 
         Raises:
-            InputError: The address is in use, or is none of this machine.
+            InputError: The address is in use, or not of this machine.
         """
         try:
             self._server = await asyncio.start_server(
@@ -83,7 +83,7 @@ class QiServer:
 
     @property
     def address(self) -> str:
-        """The address that clients give, such as `tcp://127.0.0.1:9559`."""
+        """The address for clients, such as `tcp://127.0.0.1:9559`."""
         return f"{'tcps' if self._tls else 'tcp'}://{self._host}:{self.port}"
 
     def service(self, number: int) -> Service | None:
@@ -91,14 +91,14 @@ class QiServer:
         return self.directory.by_number(number)
 
     def find(self, name: str) -> "Service | ClientService | None":
-        """Returns a service by its name, be it ours or a client's; see `ServiceFinder`."""
+        """Returns a service by name, ours or a client's; see `ServiceFinder`."""
         ours = next((s for s in self.directory.services() if s.name == name), None)
         if ours is None and self.directory.has_client_service(name):
             return ClientService(self.directory, name)
         return ours
 
     async def close(self) -> None:
-        """Stops to listen and lets all clients go."""
+        """Stops listening and disconnects all clients."""
         if self._server is not None:
             self._server.close()
         ends = [task for _, task, _ in self._connections.values()]
@@ -107,7 +107,7 @@ class QiServer:
         await asyncio.gather(*ends, return_exceptions=True)
 
     def _endpoints(self, caller: Caller) -> list[str]:
-        """Addresses as this client reaches them: by the way that it came."""
+        """Returns the addresses for a client: those to which it connected."""
         _, _, host = self._connections[caller.client]
         return [f"{'tcps' if self._tls else 'tcp'}://{host}:{self.port}"]
 
@@ -135,10 +135,10 @@ class QiServer:
 
 
 class ClientService:
-    """A service that a client registered, found anew at each call."""
+    """A client's registered service, looked up at each call."""
 
     def __init__(self, directory: Directory, name: str) -> None:
-        """Keeps the name.
+        """Stores the name.
 
         Args:
             directory: Where it is registered.

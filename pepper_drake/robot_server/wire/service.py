@@ -1,7 +1,7 @@
-"""Services as NAOqi has them: methods, signals and properties with their signatures and uids.
+"""NAOqi's kind of services: methods, signals and properties with their signatures and uids.
 
-A service is a table of plain Python callables. Nothing here knows the network: the server reads
-the table, calls the handlers on its asyncio loop and passes on what signals emit.
+A service is a table of plain Python callables. Nothing here depends on the network: the server
+reads the table, calls the handlers on its asyncio loop and forwards emitted signals.
 
 Values on both sides of a handler are plain Python, by the letter of the signature:
 
@@ -33,24 +33,24 @@ from typing import Any, Protocol
 from pepper_drake.robot_server.wire.call_watch import CallWatch
 
 FIRST_UID = 100
-"""Below it are the actions that every object has."""
+"""Lower ones are the common actions of all objects."""
 
 
 class ServiceError(Exception):
-    """An error reply: its text goes to the caller, and to nobody else.
+    """An error reply: its text goes only to the caller.
 
-    By NAOqi's custom it begins with the service's name, as in `ALMotion::setAngles: ...`.
+    By convention it begins with the service's name, as in `ALMotion::setAngles: ...`.
     """
 
 
 @dataclass(frozen=True)
 class Caller:
-    """The client that calls.
+    """The calling client.
 
     Attributes:
-        client: Number of its connection; never used again for another.
-        address: Where it calls from, for the log.
-        user: Name that it gave when it authenticated, or "".
+        client: Number of its connection, never reused.
+        address: Its address, for the log.
+        user: Authenticated user name, or "".
     """
 
     client: int
@@ -59,30 +59,30 @@ class Caller:
 
 
 class RemoteObject(Protocol):
-    """An object that lives in a client: an argument of type `o`, or a service it registered."""
+    """An object in a client: an argument of type `o`, or a service it registered."""
 
     async def call(self, method: str, *arguments: Any) -> Any:
         """Calls a method there and waits for its reply.
 
         Raises:
-            ServiceError: The client has left, has no such method, or replied with an error.
+            ServiceError: The client has disconnected, has no such method, or replied with an error.
         """
 
 
 class ServiceFinder(Protocol):
-    """The directory as services see it; `ALMemory.subscribeToEvent` calls back through it."""
+    """The directory for services; `ALMemory.subscribeToEvent` uses it for callbacks."""
 
     def find(self, name: str) -> "Service | RemoteObject | None":
-        """Returns a service by its name, be it ours or one that a client registered."""
+        """Returns a service by name, ours or one that a client registered."""
 
 
 Handler = Callable[..., Any]
 """Called with the arguments (after the `Caller` if the method wants it) on the server's loop.
 
 It returns the value, or an awaitable of it: a coroutine, an asyncio or a concurrent future. A
-plain handler must be done within a millisecond, since all clients wait for it. A coroutine runs
-as a task of its own beside other calls; when the client cancels the call, or leaves, the task is
-cancelled: `asyncio.CancelledError` is raised at its `await`, to be cleaned up after and passed on.
+plain handler must return within a millisecond, since all clients wait for it. A coroutine runs as a
+task concurrently with other calls; when the client cancels the call, or disconnects, the task is
+cancelled: `asyncio.CancelledError` is raised at its `await`, for cleanup and to be re-raised.
 """
 
 
@@ -91,11 +91,11 @@ class Method:
     """A method, one of possibly several with its name (overloads).
 
     Attributes:
-        uid: Number by which it is called.
+        uid: Its number.
         name: Name without signature.
         parameters: Signature of the arguments, a tuple such as `(mmf)`.
         returns: Signature of the value, such as `[f]`.
-        handler: What is called.
+        handler: Its implementation.
         wants_caller: Whether the handler's first argument is the `Caller`.
         description: Text for people.
     """
@@ -116,7 +116,7 @@ class Signal:
     Attributes:
         uid: Number of the signal's event.
         name: Its name.
-        parameters: Signature of what it carries, a tuple such as `(m)`.
+        parameters: Signature of its values, a tuple such as `(m)`.
         on_subscribers: Called with the number of subscribers whenever it changes.
     """
 
@@ -128,7 +128,7 @@ class Signal:
 
 @dataclass
 class Property:
-    """A property: a value with a signal of the same name and uid that tells of its changes.
+    """A property: a value, with a signal of its changes of the same name and uid.
 
     Attributes:
         uid: Number of the property and of its signal.
@@ -152,15 +152,15 @@ Emitter = Callable[["Service", int, str, tuple[Any, ...]], None]
 class Service:
     """An object with methods, signals and properties, and a name if it is a service.
 
-    A handler may return a `Service` without a name where its signature says `o`: the client gets
-    an object of its own, which ends when that client terminates it or leaves.
+    A handler may return a nameless `Service` for the signature `o`: the client gets its own object,
+    which ends when the client terminates it or disconnects.
 
     Attributes:
         name: Name in the directory, or "" for an object that a method returns.
         description: Text for people.
-        on_client_left: Called with the `Caller` when a client's connection has ended, whatever
-            the reason. Tasks that it started end here.
-        on_terminated: Called when an object that a method returned has ended.
+        on_client_left: Called with the `Caller` when a client's connection has ended, for any
+            reason. Tasks that it started end here.
+        on_terminated: Called when an object returned by a method has ended.
     """
 
     name: str = ""
@@ -192,13 +192,13 @@ class Service:
             name: Name without signature.
             parameters: Signature of the arguments, a tuple such as `(mmf)`.
             returns: Signature of the value.
-            handler: What is called.
-            uid: Its number on the robot; without it, the next free one.
+            handler: Its implementation.
+            uid: Its number on the robot; the next free one if left out.
             wants_caller: Whether the handler's first argument is the `Caller`.
             description: Text for people.
 
         Raises:
-            ValueError: The uid is taken, or the same name and parameters are.
+            ValueError: The uid is taken, or the name with these parameters.
         """
         if not (parameters.startswith("(") and parameters.endswith(")")):
             raise ValueError(f"{self.name}.{name}: parameters are a tuple, not {parameters!r}")
@@ -233,14 +233,14 @@ class Service:
         *,
         uid: int | None = None,
     ) -> Property:
-        """Adds a property; when it changes, `emit(name, value)` tells who subscribed."""
+        """Adds a property; `emit(name, value)` notifies subscribers of a change."""
         number = self._new_uid(uid, name)
         self.properties[number] = Property(number, name, signature, get, set)
         self.signals[number] = Signal(number, name, f"({signature})")
         return self.properties[number]
 
     def emit(self, signal: str, *arguments: Any) -> None:
-        """Sends a signal to all that subscribed to it. Call it on the server's loop only.
+        """Sends a signal to its subscribers. Only to be called on the server's event loop.
 
         Raises:
             KeyError: There is no such signal.
@@ -265,7 +265,7 @@ class Service:
 
 
 def as_awaitable(value: Any) -> Awaitable[Any] | None:
-    """Returns what a handler gave as an awaitable, or `None` if it is the value itself."""
+    """Returns a handler's result as an awaitable, or `None` if it is a plain value."""
     if isinstance(value, concurrent.futures.Future):
         return asyncio.wrap_future(value)
     return value if isinstance(value, Awaitable) else None

@@ -1,9 +1,9 @@
-"""Methods and signals of NAOqi's services as data, and how a service is made from them.
+"""Methods and signals of NAOqi's services as data, and the making of services from them.
 
 `signatures.csv` holds names, types and uids. Those of ALMotion, ALMemory, ALRobotPosture and most
-others are as scanned from robots (NAOqi 2.1 and, where a service is newer, 2.8); the rest follow
-the documentation of NAOqi 2.5 and stand after the scanned ones. `moveTo` answers as documented
-for Pepper, with true or false.
+others were read from robots (NAOqi 2.1 and, where a service is newer, 2.8); the rest follow the
+documentation of NAOqi 2.5 and are listed after these. `moveTo` returns true or false, as documented
+for Pepper.
 """
 
 import csv
@@ -43,7 +43,7 @@ class MethodSignature:
 
 @dataclass(frozen=True)
 class SignalSignature:
-    """A signal of a service: its number, name and the tuple that it carries."""
+    """A signal of a service: its number, name and the tuple of its values."""
 
     uid: int
     name: str
@@ -98,13 +98,13 @@ def service_signatures() -> dict[str, ServiceSignature]:
 
 
 def with_caller(handler: F) -> F:
-    """Marks a method that wants the `Caller` as its first argument."""
+    """Marks a method whose first argument is the `Caller`."""
     handler.wants_caller = True  # type: ignore[attr-defined]
     return handler
 
 
 def python_name(name: str) -> str:
-    """Returns the Python method behind one of NAOqi: `getHorizontalFOV`, `get_horizontal_fov`."""
+    """Returns the Python name of a NAOqi method: get_horizontal_fov for getHorizontalFOV."""
     parts = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name.lstrip("_"))
     return parts.lower()
 
@@ -112,16 +112,16 @@ def python_name(name: str) -> str:
 def make_service(
     name: str, implementation: object, *, on_unserved: Callable[[str], None] | None = None
 ) -> Service:
-    """Makes a service whose table is the robot's.
+    """Makes a service with the robot's table.
 
     A method is served by the implementation's method of that name in Python's style, which also
-    serves its overloads. One that it lacks answers with the error "NAME: not simulated". What the
-    implementation raises as a ValueError is an error reply that begins with the method's name.
+    serves its overloads. A missing one answers with the error "NAME: not simulated". A ValueError
+    of the implementation becomes an error reply that begins with the method's name.
 
     Args:
         name: A service of the table.
         implementation: Has the methods.
-        on_unserved: Called with a method's full name when it is asked for but not simulated.
+        on_unserved: Called with a method's full name when it is called but not simulated.
 
     Returns:
         The service.
@@ -148,7 +148,7 @@ def make_service(
         service.add_property(known.name, known.value, reading, uid=known.uid)
     for signal in signature.signals:
         if signal.uid in service.signals:
-            continue  # A property's, which tells of its changes.
+            continue  # The signal of a property.
         service.add_signal(signal.name, signal.parameters, uid=signal.uid)
     return service
 

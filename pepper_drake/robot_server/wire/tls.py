@@ -1,4 +1,4 @@
-"""A certificate of its own for an encrypted door (tcps), as a robot has one."""
+"""A self-signed certificate for an encrypted port (tcps), as on a robot."""
 
 import datetime
 import ipaddress
@@ -12,10 +12,10 @@ _DAYS = 365
 
 
 def server_context(host: str) -> ssl.SSLContext:
-    """Returns a TLS context with a certificate that is made for this run.
+    """Returns a TLS context with a certificate made for this run.
 
     Args:
-        host: The name or address that is served.
+        host: The served name or address.
 
     Raises:
         InputError: The package `cryptography`, which makes it, is not installed.

@@ -1,1 +1,1 @@
-"""Faults that are put between two ports, to see what comes of them."""
+"""Fault injection between ports."""

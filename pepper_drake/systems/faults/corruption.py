@@ -1,4 +1,4 @@
-"""Corruption of values by faults: vectors, poses, images and point clouds."""
+"""Corrupts vectors, poses, images and point clouds."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from pepper_drake.systems.faults.fault import Signal
 Vector = npt.NDArray[np.float64]
 
 _FAR_OUTSIDE = 1e3
-"""Garbage numbers are of this size."""
+"""Standard deviation of garbage numbers."""
 
 
 def corrupt(
@@ -24,15 +24,15 @@ def corrupt(
     shape: np.random.Generator,
     elements: list[int] | None = None,
 ) -> Any:
-    """A value as a fault of the kinds garbage, wrong or noisy leaves it.
+    """Corrupts a value with garbage, an offset or noise.
 
     Args:
         value: A vector (n,), a RigidTransform, a depth or colour image, or a PointCloud.
         kind: "garbage", "wrong" or "noisy".
-        signal: How large offset and noise are.
-        draw: For what is drawn for each value anew.
-        shape: For what is drawn once for the whole fault: in the same state at each call.
-        elements: Which elements of a vector it concerns; all of them if left out.
+        signal: Sizes of offset and noise.
+        draw: Random numbers that differ for each value.
+        shape: Random numbers that are the same for the whole fault: in the same state at each call.
+        elements: Indices of the corrupted elements of a vector; all if omitted.
 
     Returns:
         A new value of the same type.
@@ -115,7 +115,7 @@ def _corrupt_image(
 ) -> Any:
     pixels = np.array(value.data)
     if pixels.size == 0:
-        return type(value)()  # None came yet.
+        return type(value)()  # No image yet.
     largest = np.iinfo(pixels.dtype).max
     if kind == "garbage":
         which = shape.integers(3)
@@ -125,11 +125,11 @@ def _corrupt_image(
             draw.integers(0, largest, pixels.shape, pixels.dtype, endpoint=True),
         )[which]
     elif kind == "wrong":
-        if shape.random() < 0.5:  # Another mode of the camera than it was asked for.
+        if shape.random() < 0.5:  # The wrong resolution.
             pixels = pixels[::2, ::2]
-        elif isinstance(value, ImageDepth16U):  # Another scale.
+        elif isinstance(value, ImageDepth16U):  # The wrong depth scale.
             pixels = np.minimum(pixels * (1.0 + 2.0 * signal.offset), largest).astype(pixels.dtype)
-        else:  # A lens that has moved aside.
+        else:  # A shifted lens.
             pixels = np.roll(pixels, round(signal.offset * pixels.shape[1]), axis=1)
     else:
         broken = draw.random(pixels.shape[:2]) < signal.noise
@@ -138,7 +138,7 @@ def _corrupt_image(
 
 
 def _image(image_type: Any, pixels: npt.NDArray[Any]) -> Any:
-    """An image with these pixels (height, width, channels)."""
+    """Makes an image of pixels (height, width, channels)."""
     image = image_type(pixels.shape[1], pixels.shape[0])
     image.mutable_data[:] = pixels
     return image

@@ -1,4 +1,4 @@
-"""Which signal fails, how, when and for how long: faults as they are asked for."""
+"""Specification of faults: which signal fails, how, when and for how long."""
 
 import math
 from collections.abc import Iterable
@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pepper_drake.errors import InputError
 
 AT_REACH = "reach"
-"""As the start of a fault: the moment when the arm starts."""
+"""A fault with this start begins when the arm starts."""
 
 KINDS: dict[str, str] = {
     "off": "nothing comes any more",
@@ -28,15 +28,15 @@ class Signal:
     """One signal that can fail.
 
     Attributes:
-        meaning: The signal in words.
-        period: How often it is looked at for new values [s].
-        slow_period: Time between values when it is slow [s].
-        delay: How late its values come when they are delayed [s].
-        offset: How far off its values are when they are wrong, in the signal's unit; of images as
-            a share of their width.
-        noise: Standard deviation of its values when they are noisy, in the signal's unit; of images
-            the share of broken pixels.
-        refused: Kinds that make no sense for it, each with the reason.
+        meaning: Description of the signal.
+        period: Sampling period [s].
+        slow_period: Time between values for the kind "slow" [s].
+        delay: Delay for the kind "delayed" [s].
+        offset: Error for the kind "wrong", in the signal's unit; for images a fraction of their
+            width.
+        noise: Standard deviation for the kind "noisy", in the signal's unit; for images the
+            fraction of broken pixels.
+        refused: Kinds that make no sense for the signal, each with the reason.
     """
 
     meaning: str
@@ -99,8 +99,8 @@ class Fault:
     Attributes:
         signal: A name in SIGNALS.
         kind: A name in KINDS.
-        start: When it begins [s]; NaN for the moment when the arm starts.
-        duration: How long it lasts [s]; infinite for ever.
+        start: Start time [s]; NaN for when the arm starts.
+        duration: Duration [s]; may be infinite.
     """
 
     signal: str
@@ -114,19 +114,19 @@ class Fault:
         return f"{self.signal}:{self.kind}@{start}{lasts}"
 
     def sentence(self) -> str:
-        """The fault in words."""
+        """Describes the fault in words."""
         begin = "the arm starts" if math.isnan(self.start) else f"{self.start:g} s"
         lasts = "" if math.isinf(self.duration) else f", for {self.duration:g} s"
         return f"{SIGNALS[self.signal].meaning}: {KINDS[self.kind]}, from {begin} on{lasts}"
 
 
 def parse_fault(text: str) -> Fault:
-    """Reads a fault as a person writes it: SIGNAL:KIND@START[+DURATION].
+    """Parses a fault given as SIGNAL:KIND@START[+DURATION].
 
-    START is a time [s], or "reach" for the moment when the arm starts; DURATION is in s.
+    START is a time [s], or "reach" for when the arm starts; DURATION is in s.
 
     Raises:
-        InputError: The text is no fault, or one that makes no sense.
+        InputError: The text is malformed, or the fault makes no sense.
     """
     signal, colon, rest = text.strip().partition(":")
     kind, at, when = rest.partition("@")
@@ -148,10 +148,10 @@ def parse_fault(text: str) -> Fault:
 
 
 def parse_faults(texts: Iterable[str]) -> tuple[Fault, ...]:
-    """Reads several faults; a signal has one fault at most.
+    """Parses several faults, at most one per signal.
 
     Raises:
-        InputError: One of them is no fault, or two concern the same signal.
+        InputError: A fault is invalid, or two concern the same signal.
     """
     faults = tuple(parse_fault(text) for text in texts)
     for k, fault in enumerate(faults):

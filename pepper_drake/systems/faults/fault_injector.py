@@ -1,4 +1,4 @@
-"""A fault between two ports, or between several that belong together."""
+"""Injects a fault into one connection, or into several that belong together."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,8 +31,8 @@ from pepper_drake.systems.framework import LeafSystem
 class _Memories:
     """The memory before and after the present tick, and the number of that tick.
 
-    Abstract state changes before discrete state at the same tick. A signal may not change in
-    between: who reads it in a discrete update would find another value than it had until then.
+    At a tick, Drake updates abstract state before discrete state. The signal must not change in
+    between: a discrete update that reads it would see a value from after the tick.
     """
 
     before: FaultMemory
@@ -45,34 +45,34 @@ class _Memories:
 
 
 class FaultInjector(LeafSystem):
-    """Passes a signal on, until it fails.
+    """Passes a signal through unchanged until the fault begins.
 
-    Garbage, wrong, noisy and stuck concern the signal's values; off, slow, delayed and
-    intermittent all that belongs together: an image with its pose and its stamp. A signal that is
-    off gives no new images, poses and clouds; numbers become NaN, or `neutral`.
+    Garbage, wrong, noisy and stuck affect the signal's values alone; off, slow, delayed and
+    intermittent affect all its ports together: an image with its pose and its time stamp. While
+    off, images, poses and clouds are frozen; vectors become NaN, or `neutral`.
 
     .. pydrake_system::
 
         name: FaultInjector
         input_ports:
-        - (as the ports that are connected)
+        - (one for each of `ports`)
         - trigger (optional)
         - neutral (optional)
         output_ports:
         - (the same)
 
-    Inputs: the ports of the signal; `trigger` (1), not zero from the moment at which a fault
-    without a time begins; `neutral`, what a vector is while it is off. Outputs: the signal's ports
-    by the same names. State: a memory of what came (abstract) and the number of the tick from which
-    on it counts (1), at the signal's period. The outputs depend on inputs and state, not on time,
-    and change together with discrete state.
+    Inputs: the ports of the signal; `trigger` (1), not zero once a fault without a start time
+    begins; `neutral`, the value of a vector while it is off. Outputs: the signal's ports under the
+    same names. State: a memory of past values (abstract) and the number of the present tick (1), at
+    the signal's period. The outputs depend on inputs and state, not on time, and change together
+    with discrete state.
 
     Args:
         fault: What fails, and when.
-        ports: Name, role and a model of the value of each port; vectors as a size.
-        elements: The elements of a vector that may be concerned by garbage, wrong, noisy and
-            stuck; one of them is drawn. All of them at once if left out.
-        seed: What is drawn follows from it and from the fault.
+        ports: Name, role and model value of each port; the size of a vector port.
+        elements: The elements of a vector that garbage, wrong, noisy and stuck may affect; one of
+            them is drawn. All of them if omitted.
+        seed: Random numbers follow from it and from the fault.
     """
 
     def __init__(
@@ -153,7 +153,7 @@ class FaultInjector(LeafSystem):
         return tuple(v.copy() if isinstance(v, np.ndarray) else v.Clone() for v in values)
 
     def _value(self, context: Context, index: int) -> Any:
-        """Present value of a port: an array, or an AbstractValue."""
+        """Returns the present value of a port: an array, or an AbstractValue."""
         memory, kind, role = self._get(context), self.fault.kind, self._roles[index]
         value = self._input(context, index)
         if not memory.active:
@@ -182,7 +182,7 @@ class FaultInjector(LeafSystem):
 
     def _corrupted(self, value: Any, memory: FaultMemory) -> Any:
         plain = value if isinstance(value, np.ndarray) else value.get_value()
-        # An image's noise is its own, however often it is looked at.
+        # Evaluating an image twice gives the same noise.
         number = memory.count
         result = corrupt(
             plain,

@@ -1,4 +1,4 @@
-"""Memory of a fault: when it is active, and the values that it gives in place of new ones."""
+"""State of a fault: when it is active, and the values held in place of new ones."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from pepper_drake.systems.faults.fault import SIGNALS, Fault
 Values = tuple[Any, ...]
 
 CORRUPTING = ("garbage", "wrong", "noisy")
-"""Kinds that change each value and hold none."""
+"""Kinds that change each value and need no memory of past ones."""
 
 
 class Role(Enum):
@@ -21,11 +21,11 @@ class Role(Enum):
     VALUE = "value"
     """The signal itself."""
     CARRIED = "carried"
-    """Value that belongs to it: the pose of an image."""
+    """A value that accompanies it, such as the pose of an image."""
     STAMP = "stamp"
-    """The time of the value [s]: a new one tells that the value is new."""
+    """Time stamp of the value [s]: it changes with each new value."""
     AGE = "age"
-    """Time since the value was measured [s]: it grows while no new value comes."""
+    """Time since the value was measured [s]: it grows until a new value arrives."""
     VALID = "valid"
     """1 while there is a value."""
 
@@ -36,8 +36,8 @@ class SignalNow:
 
     Attributes:
         time: [s].
-        stamp: Of the value [s]; NaN for a signal that has none.
-        triggered: True if a fault without a time begins now.
+        stamp: Time stamp of the value [s]; NaN for a signal without one.
+        triggered: Whether the trigger of a fault without a start time is set.
         values: Copies the values of all ports.
     """
 
@@ -49,17 +49,17 @@ class SignalNow:
 
 @dataclass(frozen=True)
 class FaultMemory:
-    """State of a fault. Never changed once made.
+    """Immutable state of a fault.
 
     Attributes:
         begun: When the fault began [s]; NaN before.
         active: Whether the signal fails now.
-        count: Number of updates so far: it decides what is drawn.
-        held: The last values, given in place of new ones.
-        lag: How old they are by now [s].
-        held_since: When they came [s].
-        queue: Values with their times, oldest first.
-        stamp: Of the last value [s].
+        count: Number of updates while active: seeds the random numbers.
+        held: The values that are output in place of new ones.
+        lag: Age of the held values [s].
+        held_since: When they were captured [s].
+        queue: Past values with their times, oldest first.
+        stamp: Time stamp of the last value [s].
     """
 
     begun: float = np.nan
@@ -77,7 +77,7 @@ class FaultMemory:
         Args:
             fault: What fails, and when.
             signal: The signal at this tick.
-            seed: What is lost of an intermittent signal follows from it and from the count.
+            seed: With the count, it decides which values of an intermittent signal are lost.
         """
         memory, kind, time = self._begun(fault, signal), fault.kind, signal.time
         is_active = not np.isnan(memory.begun) and time < memory.begun + fault.duration - 1e-9
@@ -106,7 +106,7 @@ class FaultMemory:
         return replace(self, begun=signal.time) if begins else self
 
     def _takes_new(self, fault: Fault, signal: SignalNow, seed: tuple[int, ...]) -> bool:
-        """True if the present value is let through."""
+        """Tells whether the present value passes."""
         if fault.kind == "slow":
             return signal.time >= self.held_since + SIGNALS[fault.signal].slow_period - 1e-9
         if fault.kind == "intermittent":
@@ -116,11 +116,11 @@ class FaultMemory:
         return False
 
     def _queued(self, signal: SignalNow, delay: float) -> "FaultMemory":
-        """The memory with the present values in its queue."""
+        """Returns the memory with the present values appended to its queue."""
         if self.queue and signal.stamp == self.stamp:
             return self
         queue = (*self.queue, (signal.time, signal.values()))
-        # One that is old enough has to stay.
+        # Keep the newest value that is at least `delay` old.
         while len(queue) > 1 and queue[1][0] <= signal.time - delay:
             queue = queue[1:]
         return replace(self, queue=queue, stamp=signal.stamp)

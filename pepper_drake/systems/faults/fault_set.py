@@ -1,4 +1,4 @@
-"""The faults of a run, and their place in the connections of a diagram."""
+"""The faults of a run, injected into the connections of a diagram."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ from pepper_drake.systems.faults.fault_memory import Role
 
 @dataclass(frozen=True)
 class FaultSet:
-    """The faults of a run, to be put into the connections of a diagram.
+    """The faults of a run, to be injected into the connections of a diagram.
 
     Attributes:
         faults: At most one for each signal.
-        seed: What they draw follows from it.
+        seed: Seed of their random numbers.
     """
 
     faults: tuple[Fault, ...] = ()
     seed: int = 0
 
     def fault(self, signal: str) -> Fault | None:
-        """The fault of a signal, if it has one."""
+        """Returns the fault of a signal, if it has one."""
         assert signal in SIGNALS
         return next((fault for fault in self.faults if fault.signal == signal), None)
 
@@ -38,19 +38,19 @@ class FaultSet:
         neutral: OutputPort | None = None,
         suffix: str = "",
     ) -> dict[str, OutputPort]:
-        """Puts the fault of a signal behind output ports.
+        """Injects the fault of a signal behind output ports.
 
         Args:
-            builder: Of the diagram in which the ports are.
+            builder: Builder of the diagram that contains the ports.
             signal: A name in SIGNALS.
             ports: The signal's ports by name, the value first.
             elements: Elements of a vector of which one fails; see `FaultInjector`.
-            neutral: What a vector is while it is off.
-            suffix: Of the injector's name, where a signal has several.
+            neutral: The value of a vector while it is off.
+            suffix: Appended to the injector's name, for a signal with several injectors.
 
         Returns:
-            The ports to connect instead, by the same names; without a fault the same ports. Who
-            builds the diagram connects the triggers of those that are `waiting`.
+            The ports to connect instead, under the same names; the same ports without a fault. The
+            caller connects the triggers of the `waiting` injectors.
         """
         fault = self.fault(signal)
         if fault is None:

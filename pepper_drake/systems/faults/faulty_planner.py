@@ -1,4 +1,4 @@
-"""A planner that fails as a fault says."""
+"""A planner with an injected fault."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,58 +15,58 @@ from pepper_drake.systems.faults.fault import SIGNALS, Fault
 from pepper_drake.systems.faults.fault_set import FaultSet
 
 _FAR = 1e3
-"""Distance of a base placement that is garbage [m]."""
-_BEFORE = ("plan_base_placement", "check_reach")
-"""Questions for a plan while the arm rests."""
-_ON_THE_WAY = ("replan", "plan_retreat")
-"""Questions for a plan while it moves."""
+"""Standard deviation of a garbage base placement [m]."""
+_AT_REST = ("plan_base_placement", "check_reach")
+"""Requests made while the arm rests."""
+_DURING_MOTION = ("replan", "plan_retreat")
+"""Requests made while the arm moves."""
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class FaultyPlanner(PlannerWrapper):
-    """A `Planner` that hands all questions on, and spoils the answers while its fault lasts.
+    """Forwards all requests to a `Planner`, and corrupts the plans while its fault is active.
 
-    Off: nothing is found. Intermittent: every other time nothing is found. Wrong: planned for a
-    goal that is elsewhere. Garbage: places out of the world, paths that are no numbers. A fault
-    that waits for the arm begins with the first question about a movement on its way.
+    Off: no plan is found. Intermittent: every other time no plan is found, at random. Wrong: plans
+    for a displaced goal. Garbage: base placements far away, joint paths of NaN. A fault that waits
+    for the arm affects only requests made while it moves.
 
     Attributes:
-        fault: Of the signal "planner".
-        seed: What is drawn follows from it and from the time of the question.
+        fault: Fault of the signal "planner".
+        seed: Random numbers follow from it and from the time of the request.
     """
 
     fault: Fault
     seed: int = 0
 
     def _answer(self, name: str, observation: Observation, ask: Callable[[Observation], T]) -> T:
-        on_the_way = name in _ON_THE_WAY
-        if not on_the_way and name not in _BEFORE:
+        is_moving = name in _DURING_MOTION
+        if not is_moving and name not in _AT_REST:
             return ask(observation)
-        answer = ask(self._asked(observation, on_the_way))
+        answer = ask(self._altered_observation(observation, is_moving))
         assert isinstance(answer, ReachPlan)
-        return cast(T, self._spoilt(answer, observation, on_the_way))
+        return cast(T, self._corrupted(answer, observation, is_moving))
 
-    def _is_active(self, observation: Observation, on_the_way: bool) -> bool:
+    def _is_active(self, observation: Observation, is_moving: bool) -> bool:
         if np.isnan(self.fault.start):
-            return on_the_way
+            return is_moving
         since = observation.time - self.fault.start
         return 0.0 <= since < self.fault.duration
 
     def _draw(self, observation: Observation) -> np.random.Generator:
         return np.random.default_rng((self.seed, round(1000.0 * observation.time)))
 
-    def _asked(self, observation: Observation, on_the_way: bool) -> Observation:
-        """The question, with the goal elsewhere for a wrong answer."""
-        if self.fault.kind != "wrong" or not self._is_active(observation, on_the_way):
+    def _altered_observation(self, observation: Observation, is_moving: bool) -> Observation:
+        """Returns the observation, with the goal displaced for the kind "wrong"."""
+        if self.fault.kind != "wrong" or not self._is_active(observation, is_moving):
             return observation
         direction = np.random.default_rng(self.seed).normal(size=3)
         offset = SIGNALS["planner"].offset * direction / np.linalg.norm(direction)
         moved = RigidTransform(observation.X_WO.rotation(), observation.p_WO + offset)
         return replace(observation, X_WO=moved)
 
-    def _spoilt(self, plan: ReachPlan, observation: Observation, on_the_way: bool) -> ReachPlan:
-        if not self._is_active(observation, on_the_way):
+    def _corrupted(self, plan: ReachPlan, observation: Observation, is_moving: bool) -> ReachPlan:
+        if not self._is_active(observation, is_moving):
             return plan
         kind, draw = self.fault.kind, self._draw(observation)
         if kind == "off" or (kind == "intermittent" and draw.random() < 0.5):
@@ -85,9 +85,9 @@ class FaultyPlanner(PlannerWrapper):
 
 
 def faulty(planner: Planner, timing: ReachTiming, faults: FaultSet) -> tuple[Planner, ReachTiming]:
-    """Returns a planner and its timing as the fault of the signal "planner" has them.
+    """Returns a planner and its timing with the fault of the signal "planner".
 
-    One that is to be slow takes five times as long, from the start.
+    A slow planner takes five times as long, from the start of the run.
     """
     fault = faults.fault("planner")
     if fault is None:

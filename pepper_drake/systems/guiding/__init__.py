@@ -1,1 +1,1 @@
-"""LeafSystems that lead the hand and record it."""
+"""LeafSystems that guide the hand and record its motion."""

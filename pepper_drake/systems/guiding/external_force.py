@@ -1,4 +1,4 @@
-"""A push at the hand: scripted, and as the plant takes it."""
+"""Pushes at the hand: scripted, and applied to the plant."""
 
 from dataclasses import dataclass
 
@@ -17,12 +17,12 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ForcePulse:
-    """A constant force for a while."""
+    """A constant force of limited duration."""
 
     force: tuple[float, float, float]
     """On the hand, in W [N]."""
     start: float
-    """Since the movement began [s]."""
+    """Time since the movement began [s]."""
     duration: float
     """[s]."""
 
@@ -33,7 +33,7 @@ class ForcePulse:
 
 
 def force_at(frame: Frame, force: Vector) -> ExternallyAppliedSpatialForce:
-    """Returns what the plant takes as a torque and a force at a frame's origin.
+    """Returns a torque and a force at a frame's origin in the plant's format.
 
     Args:
         frame: On a body, of a finalized plant.
@@ -47,7 +47,7 @@ def force_at(frame: Frame, force: Vector) -> ExternallyAppliedSpatialForce:
 
 
 class ScriptedForce(LeafSystem):
-    """Plays push scripts, added up, from when the movement begins.
+    """Plays the sum of push scripts from the start of the movement.
 
     .. pydrake_system::
 
@@ -80,7 +80,7 @@ class ScriptedForce(LeafSystem):
     def _update(self, context: Context, state: DiscreteValues) -> None:
         since = context.get_discrete_state(self._state).value()[0]
         active = self.active_input.Eval(context)[0] > 0.5
-        # Half a step keeps the sums of steps clear of the scripts' edges.
+        # Half a step keeps the accumulated time clear of the scripts' edges.
         since = (since + self._time_step if since >= 0.0 else 0.0) if active else -1.0
         push = np.zeros(6)
         if active:
@@ -102,9 +102,9 @@ class HandForce(LeafSystem):
         output_ports:
         - spatial_forces
 
-    `force` (6) torque and force at the frame's origin, in W [N m, N], none when not connected; it
-    should be held between ticks, as the plant asks at each of its steps. `spatial_forces` goes to
-    the plant's applied_spatial_force port.
+    `force` (6) torque and force at the frame's origin, in W [N m, N], none if unconnected; it
+    should be held between ticks, as the plant evaluates it at each of its steps. `spatial_forces`
+    goes to the plant's applied_spatial_force port.
 
     Args:
         frame: On the robot, of a finalized plant.

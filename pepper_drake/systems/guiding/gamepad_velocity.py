@@ -1,4 +1,4 @@
-"""From a game pad's sticks and buttons to the velocity of a hand."""
+"""Maps a game pad's sticks and buttons to a hand velocity."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GamepadState:
-    """A game pad at one moment, in the numbering of browsers' "standard" mapping.
+    """State of a game pad, numbered as in the browsers' "standard" mapping.
 
     Attributes:
         axes: From -1 to 1: left stick right and down (0, 1), right stick right and down (2, 3).
@@ -29,31 +29,31 @@ class GamepadState:
 
     @classmethod
     def of(cls, axes: Sequence[float], buttons: Sequence[float]) -> Self:
-        """Makes a state of what a page or a file says; both may be empty (no pad is plugged in)."""
+        """Makes a state; both sequences may be empty (no pad is plugged in)."""
         return cls(tuple(map(float, axes)), tuple(map(float, buttons)))
 
 
 @dataclass(frozen=True)
 class GamepadParams:
-    """Parameters of moving the hand by a game pad."""
+    """Parameters of guiding the hand with a game pad."""
 
     speed: float = 0.2
     """At full deflection, per axis [m/s]."""
     turn_rate: float = 1.0
     """At full deflection or while a button is held, per axis [rad/s]."""
     dead_zone: float = 0.15
-    """Deflection of a stick that counts as none: sticks do not come back to zero exactly."""
+    """Deflection of a stick that counts as none: sticks do not return exactly to zero."""
     exponent: float = 2.0
-    """Above 1, small deflections are slower in proportion, for fine moves."""
+    """Above 1, small deflections are less than proportionally fast, for fine motion."""
 
 
 def gamepad_velocity(state: GamepadState, params: GamepadParams) -> Vector:
-    """Returns the velocity (6,) of the hand that a pad asks for: angular, then linear.
+    """Returns the commanded hand velocity (6,): angular, then linear.
 
-    In the axes of T, x ahead, y left, z up [rad/s, m/s]: the left stick moves ahead and aside, the
-    right stick up and down and turns about z (yaw), the shoulder buttons turn about x (roll, left
-    and right), the directional pad up and down about y (pitch). What a pad does not have is not
-    pressed.
+    In the axes of T, x forward, y left, z up [rad/s, m/s]: the left stick moves the hand forward
+    and sideways, the right stick moves it up and down and turns it about z (yaw), the shoulder
+    buttons turn it about x (roll, left and right), the directional pad's up and down about y
+    (pitch). Sticks and buttons that a pad lacks count as released.
     """
     right, down, turn, lower = (_deflection(state.axes, k, params) for k in range(4))
     roll = _pressed(state.buttons, 5) - _pressed(state.buttons, 4)
@@ -63,7 +63,7 @@ def gamepad_velocity(state: GamepadState, params: GamepadParams) -> Vector:
 
 
 def _deflection(axes: Sequence[float], index: int, params: GamepadParams) -> float:
-    """A stick's axis with its dead zone and its curve, from -1 to 1 without a jump."""
+    """Applies dead zone and response curve to a stick's axis; continuous, from -1 to 1."""
     value = axes[index] if index < len(axes) else 0.0
     if not np.isfinite(value):
         return 0.0
@@ -77,7 +77,7 @@ def _pressed(buttons: Sequence[float], index: int) -> float:
 
 
 class GamepadVelocity(LeafSystem):
-    """Turns a game pad into a velocity of the hand; see `gamepad_velocity`.
+    """Maps a game pad to a hand velocity; see `gamepad_velocity`.
 
     .. pydrake_system::
 
@@ -91,7 +91,7 @@ class GamepadVelocity(LeafSystem):
     T [rad/s, m/s]. No state.
 
     Args:
-        params: Speeds, dead zone and curve of the sticks; the defaults if left out.
+        params: Speeds, dead zone and curve of the sticks; the defaults if omitted.
     """
 
     def __init__(self, params: GamepadParams | None = None) -> None:

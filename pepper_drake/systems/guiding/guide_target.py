@@ -1,4 +1,4 @@
-"""The velocity that brings a hand guide to where sliders put it, or that a game pad asks for."""
+"""Velocity of a hand guide: towards the pose set by sliders, or as commanded by a game pad."""
 
 import numpy as np
 import numpy.typing as npt
@@ -19,13 +19,13 @@ def velocity_to(
     max_speed: float,
     max_turn_rate: float,
 ) -> Vector:
-    """Returns the velocity (6,), angular and linear in T, that brings a guide to its target.
+    """Returns the velocity (6,), angular and linear in T, that moves a guide to its target.
 
-    The error over the time constant, limited in size.
+    It is the error divided by the time constant, limited in magnitude.
 
     Args:
-        X_TG: Where the guide is.
-        X_TGd: Where it should be.
+        X_TG: The guide's pose.
+        X_TGd: Its target.
         time_constant: [s].
         max_speed: [m/s].
         max_turn_rate: [rad/s].
@@ -51,10 +51,10 @@ class GuideTarget(LeafSystem):
         output_ports:
         - velocity_command
 
-    Inputs: `target_pose` X_TG as it should be and `guide_pose` X_WG as it is, `torso_pose` X_WT
-    (RigidTransform); `velocity_command` (6), what a game pad asks for: unless it is zero, it is
-    what comes out, and the target waits. Output: `velocity_command` (6), angular and linear in the
-    axes of T [rad/s, m/s]. No state.
+    Inputs: `target_pose`, the desired X_TG, `guide_pose` X_WG and `torso_pose` X_WT
+    (RigidTransform); `velocity_command` (6), a game pad's: unless zero, it is passed through and
+    the target is ignored. Output: `velocity_command` (6), angular and linear in the axes of T
+    [rad/s, m/s]. No state.
 
     Args:
         time_constant: [s].

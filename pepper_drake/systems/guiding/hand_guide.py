@@ -1,4 +1,4 @@
-"""A virtual hand that holds the robot's hand by a spring and a damper."""
+"""A virtual guide that holds the robot's hand by a spring and a damper."""
 
 from dataclasses import dataclass
 
@@ -17,10 +17,10 @@ from pepper_drake.systems.guiding.external_force import force_at
 
 @dataclass(frozen=True)
 class HandGuideParams:
-    """Stiffness and damping of the guide's hold; about those of a person.
+    """Stiffness and damping of the guide's grip; about those of a person.
 
-    600 N/m against 3 N m/rad means: 5 cm of distance pull with 30 N, 60 degrees of turn with
-    3 N m. The limits keep a far guide from tearing at the arm.
+    A distance of 5 cm pulls with 30 N, an angle of 60 degrees with 3 N m. The limits keep a distant
+    guide from jerking the arm.
     """
 
     stiffness: float = 600.0  # [N/m]
@@ -41,7 +41,7 @@ def guide_force(
     """Returns the spring and damper force of a guide pose G on the hand frame H, at Ho, in W.
 
     f = k (p_WG - p_WH) + d (v_WG - v_WH), tau = k_r theta a + d_r (w_WG - w_WH), where theta a is
-    the rotation vector from H to G; both are limited in size.
+    the rotation vector from H to G; both are limited in magnitude.
     """
     force = params.stiffness * (X_WG.translation() - X_WH.translation())
     force += params.damping * (V_WG.translational() - V_WH.translational())
@@ -70,10 +70,10 @@ class HandGuide(LeafSystem):
         - force
 
     The first two inputs are the plant's ports of these names. `guide_pose` is X_WG
-    (RigidTransform), `guide_velocity` V_WG (SpatialVelocity; optional, then zero). While `holding`
-    (1; optional) is 0 the guide has let go of the hand.
+    (RigidTransform), `guide_velocity` V_WG (SpatialVelocity; zero if unconnected). While `holding`
+    (1; optional) is 0 the guide has released the hand.
     `spatial_forces` goes to the plant's applied_spatial_force port; `force` (6) is the same as
-    torque [N m] and force [N] on H in W. The force is sampled each `time_step` and held, so that
+    torque [N m] and force [N] on H in W. The force is sampled every `time_step` and held, so that
     Python does not run at the plant's rate. Before the first sample it is zero.
     """
 

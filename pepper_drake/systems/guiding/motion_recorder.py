@@ -1,4 +1,4 @@
-"""Records the hand and the joints at a constant step."""
+"""Records the hand's pose and the joints at a fixed rate."""
 
 from collections.abc import Sequence
 
@@ -58,7 +58,7 @@ class MotionSampler(LeafSystem):
 
 
 class MotionRecorder(Diagram):
-    """Samples a hand's pose and joints at a constant step; its log makes a Demonstration.
+    """Samples a hand's pose and joints at a fixed rate; its log becomes a Demonstration.
 
     .. pydrake_system::
 
@@ -67,9 +67,9 @@ class MotionRecorder(Diagram):
         - hand_pose
         - joint_position
 
-    The ports are MotionSampler's: those of a station, simulated or real. The record lives in the
-    context; who runs the simulation may write what is new of it to a file between two advances
-    (see `RecordingWriter`), so that the diagram itself holds nothing that cannot be cloned.
+    The ports are MotionSampler's: those of a station, simulated or real. The record is part of the
+    context; the caller may write new samples to a file between two advances (see
+    `RecordingWriter`), so that the diagram itself can be cloned.
 
     Attributes:
         joint_names: Names of the joints on the port `joint_position`.
@@ -92,7 +92,7 @@ class MotionRecorder(Diagram):
         build_into(builder, self)
 
     def samples(self, root_context: Context) -> tuple[Array, Array]:
-        """Returns what has been recorded so far in a simulation.
+        """Returns the samples recorded so far in a simulation.
 
         Args:
             root_context: The simulation's context.
@@ -106,7 +106,7 @@ class MotionRecorder(Diagram):
     def demonstration(
         self, root_context: Context, *, name: str = "recording", cutoff: float = CUTOFF
     ) -> Demonstration:
-        """Returns what has been recorded in a simulation; see `recorded_demonstration`.
+        """Returns the motion recorded in a simulation; see `recorded_demonstration`.
 
         Args:
             root_context: The simulation's context.

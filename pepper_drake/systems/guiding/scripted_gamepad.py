@@ -1,4 +1,4 @@
-"""A game pad that is steered by a script."""
+"""A scripted game pad."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from pepper_drake.systems.guiding.gamepad_velocity import GamepadState
 
 
 class ScriptedGamepad(LeafSystem):
-    """Plays what a person does with a game pad.
+    """Plays a script of game pad states.
 
     .. pydrake_system::
 
@@ -21,7 +21,7 @@ class ScriptedGamepad(LeafSystem):
     `gamepad` is a GamepadState; see GamepadVelocity.
 
     Args:
-        state_at: From a time [s] to the pad's state.
+        state_at: The pad's state at a time [s].
     """
 
     def __init__(self, state_at: Callable[[float], GamepadState]) -> None:

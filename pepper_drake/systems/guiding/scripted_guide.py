@@ -1,4 +1,4 @@
-"""A hand guide that follows a script: a smooth path of poses through via points."""
+"""A scripted hand guide: a smooth trajectory through via poses."""
 
 from collections.abc import Sequence
 
@@ -15,14 +15,14 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class GuidePath:
-    """A pose X_WG over time through via poses, at rest at both ends.
+    """A trajectory X_WG through via poses, at rest at both ends.
 
     Position and quaternion are cubic splines with continuous acceleration; the quaternion is
-    normalised afterwards, which keeps the orientation smooth and passes the via points.
+    normalised afterwards, which keeps the orientation smooth and the via poses exact.
     """
 
     def __init__(self, times: Sequence[float], poses: Sequence[RigidTransform]) -> None:
-        """Makes the path.
+        """Makes the trajectory.
 
         Args:
             times: N increasing times [s], N >= 3.
@@ -41,11 +41,11 @@ class GuidePath:
 
     @property
     def end_time(self) -> float:
-        """When the path comes to rest [s]."""
+        """Time at which the guide comes to rest [s]."""
         return self._path.end_time()
 
     def pose(self, time: float) -> RigidTransform:
-        """Returns X_WG; before the start and after the end the guide rests."""
+        """Returns X_WG; the guide is at rest before the start and after the end."""
         row = self._path.value(time).ravel()
         q = row[3:] / np.linalg.norm(row[3:])
         return RigidTransform(RotationMatrix(Quaternion(q)), row[:3])
@@ -57,7 +57,7 @@ class GuidePath:
         row, rate = self._path.value(time).ravel(), self._rate.value(time).ravel()
         norm = np.linalg.norm(row[3:])
         q = row[3:] / norm
-        # The part of the rate along q only changes the length, which normalising takes away.
+        # The component of the rate along q only changes the norm, which normalising removes.
         q_rate = (rate[3:] - q * (q @ rate[3:])) / norm
         return SpatialVelocity(w=_angular_velocity(q, q_rate), v=rate[:3])
 

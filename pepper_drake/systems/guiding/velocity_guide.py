@@ -1,4 +1,4 @@
-"""A hand guide that is driven by velocities: keys, a game pad, sliders."""
+"""A hand guide driven by velocity commands: keys, a game pad, sliders."""
 
 from dataclasses import dataclass
 
@@ -17,13 +17,13 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GuideLimits:
-    """Largest distance of the guide from the hand: as far as a hold on it lasts."""
+    """Largest deviation of the guide from the hand."""
 
     distance: float = 0.06
     """[m]."""
     angle: float = 0.2
-    """[rad]. An arm of five joints cannot keep its hand's direction everywhere: on a short leash
-    the direction gives way to the position."""
+    """[rad]. An arm with five joints cannot hold its hand's orientation everywhere: with a small
+    limit the orientation yields to the position."""
 
 
 def step_guide(
@@ -33,14 +33,14 @@ def step_guide(
     time_step: float,
     leash: GuideLimits,
 ) -> RigidTransform:
-    """Moves a guide by one step and keeps it on its leash about the hand.
+    """Moves a guide by one step and keeps it within its limits around the hand.
 
     Args:
         X_TG: The guide's pose.
         velocity: (6,) angular and linear velocity in the axes of T [rad/s, m/s].
         X_TH: The hand's pose.
         time_step: [s].
-        leash: How far it may be from the hand.
+        leash: Largest deviation from the hand.
     """
     position = X_TG.translation() + time_step * velocity[3:]
     rotation = _turn(time_step * velocity[:3]) @ X_TG.rotation()
@@ -61,7 +61,7 @@ def _turn(vector: Vector) -> RotationMatrix:
 
 
 class VelocityGuide(LeafSystem):
-    """Moves a guide pose with a commanded velocity, on a leash about the hand.
+    """Moves a guide pose at a commanded velocity, within limits around the hand.
 
     .. pydrake_system::
 
@@ -78,9 +78,8 @@ class VelocityGuide(LeafSystem):
 
     Inputs: `velocity_command` (6) angular and linear velocity in the axes of T [rad/s, m/s];
     `hand_pose` X_TH and `torso_pose` X_WT (RigidTransform); `holding` (1): while it is 0 the guide
-    stays at the hand. Outputs: `guide_pose` X_WG
-    (RigidTransform), `guide_velocity` V_WG (SpatialVelocity), as HandGuide takes them;
-    `guide_position` (3) of the guide in T [m].
+    stays at the hand. Outputs: `guide_pose` X_WG (RigidTransform), `guide_velocity` V_WG
+    (SpatialVelocity), as HandGuide takes them; `guide_position` (3) of the guide in T [m].
 
     State: position and quaternion w, x, y, z of the guide in W, its velocity in W, and its position
     in T (16), discrete with period `time_step`. Until its first step the guide is at the hand, at
@@ -91,7 +90,7 @@ class VelocityGuide(LeafSystem):
         """Makes the guide.
 
         Args:
-            leash: How far it may be from the hand.
+            leash: Largest deviation from the hand.
             time_step: [s].
         """
         super().__init__()
@@ -100,7 +99,7 @@ class VelocityGuide(LeafSystem):
         self.hand_pose_input = self.DeclareAbstractInputPort("hand_pose", Value(RigidTransform()))
         self.torso_pose_input = self.DeclareAbstractInputPort("torso_pose", Value(RigidTransform()))
         self.holding_input = self.DeclareVectorInputPort("holding", 1)
-        # A quaternion of zeros says that the guide has not moved yet.
+        # A zero quaternion marks a guide that has not moved yet.
         self._state = self.DeclareDiscreteState(16)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
         state = self.discrete_state_ticket(self._state)
@@ -116,12 +115,12 @@ class VelocityGuide(LeafSystem):
         )
 
     def _values(self, context: Context) -> Vector | None:
-        """The state; None until the guide's first step."""
+        """Returns the state; None until the guide's first step."""
         values: Vector = context.get_discrete_state(self._state).value()
         return values if values[3:7].any() else None
 
     def _pose(self, context: Context) -> RigidTransform:
-        """X_WG. The inputs are not looked at where the state tells."""
+        """Returns X_WG: from the state if known, else from the inputs."""
         values = self._values(context)
         if values is None:
             return self.torso_pose_input.Eval(context) @ self.hand_pose_input.Eval(context)
@@ -141,7 +140,7 @@ class VelocityGuide(LeafSystem):
             self._leash,
         )
         after = X_WT @ X_TG
-        # On a taut leash the guide is slower than its command.
+        # At its limits the guide is slower than its command.
         turn = (after.rotation() @ before.rotation().inverse()).ToAngleAxis()
         shift = after.translation() - before.translation()
         velocity = np.concatenate((turn.angle() * turn.axis(), shift)) / self._time_step

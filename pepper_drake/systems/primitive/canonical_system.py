@@ -1,4 +1,4 @@
-"""The phase that all parts of a motion share."""
+"""The phase variable shared by all parts of a motion."""
 
 from typing import Any, NamedTuple
 
@@ -12,17 +12,17 @@ from pepper_drake.learning.phase import extended_tau
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.framework import ValueProducer, leaf_system
 
-# Parts of what is remembered beside the phase.
+# Elements of the state after the phase.
 _GOAL, _NUMBER = slice(1, 4), 4
 
 
 class _Present(NamedTuple):
-    """The motion as it is now.
+    """Present state of the motion, reset if a motion starts now.
 
     Attributes:
-        movement: What is performed.
-        phase: Of a motion that starts now, or as it is.
-        tau: The same, [s].
+        movement: The movement performed.
+        phase: The phase.
+        tau: The duration tau [s].
         starts: Whether a motion starts now.
     """
 
@@ -33,7 +33,7 @@ class _Present(NamedTuple):
 
     @property
     def primitive(self) -> MovementPrimitive:
-        """Primitive of the movement."""
+        """The movement's primitive."""
         return self.movement.primitive
 
 
@@ -59,24 +59,22 @@ def CanonicalSystem_(T: type) -> type:
 
         tau x' = -speed alpha_x x / (1 + slowdown), x = 1 while no movement runs (equation 2.5 of
         the report, with phase stopping). tau is the nominal duration; during a movement it is
-        extended in proportion to the displacement of the goal: each metre adds the time that the
-        demonstration took for a metre of its path. A goal that moved by less than 3 mm did not
-        move.
+        extended in proportion to the goal's displacement: each metre adds the time that the
+        demonstration took for a metre of its path. Displacements below 3 mm are ignored.
 
-        Ports: `movement`, abstract Movement: with another number a motion starts anew (not in
-        continuous time, where numbers above 0 are one); `goal_position` (3) [m]; `slowdown` (1)
-        >= 0; `speed` (1), the share of its speed at which all of the motion is performed, from 0
-        to 1, if left out 1; `phase` (1) and `tau` (1) [s] are state; `phase_velocity` (1) [1/s] is
-        that of the coming step.
+        Ports: `movement`, abstract Movement: a motion restarts when its number changes (not in
+        continuous time, where all numbers above 0 are the same); `goal_position` (3) [m];
+        `slowdown` (1) >= 0; `speed` (1), a fraction from 0 to 1 that scales the speed of the whole
+        motion, 1 if unconnected; `phase` (1) and `tau` (1) [s] are state; `phase_velocity` (1)
+        [1/s] is that of the coming step.
 
         State: phase, tau [s], the motion's first goal (3) [m], number of the motion. Discrete with
         period `time_step`; with `time_step` 0 the phase is continuous, and tau and goal are updated
-        after each step of the integrator. In continuous time, derivatives exist for Expression as
-        well.
+        after each step of the integrator. The time derivatives support Expression as well.
 
         Args:
-            primitive: An example of what is performed.
-            duration: Nominal tau [s]; the demonstration's if left out.
+            primitive: An example of the primitives to perform.
+            duration: Nominal tau [s]; the demonstration's if omitted.
             time_step: [s]; 0 for a continuous phase.
 
         Examples:
@@ -224,7 +222,7 @@ def CanonicalSystem_(T: type) -> type:
             seen = self._goal(context, known)
             now = self._present(context)
             if now.starts:
-                known = seen  # The goal that the motion starts with is the one to compare with.
+                known = seen  # Displacement is measured from the goal at the start of the motion.
             velocity = self.phase_velocity_port.Eval(context)[0]
             decay = -velocity / now.phase if now.phase > 0.0 else 0.0
             nominal = self._nominal_duration(now.primitive)
@@ -253,7 +251,7 @@ def CanonicalSystem_(T: type) -> type:
 
 
 def _extension(primitive: MovementPrimitive) -> float:
-    """Time for a metre of the goal's displacement [s/m]."""
+    """Returns the extra duration per metre of goal displacement [s/m]."""
     length = primitive.path_length
     return primitive.duration / length if length > 0.0 else 0.0
 

@@ -1,4 +1,4 @@
-"""The sum of what slows a movement down, and of what bends it."""
+"""The sum of coupling terms and of slowdowns."""
 
 from functools import partial
 
@@ -9,7 +9,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class CouplingSum(LeafSystem):
-    """Adds up couplings, of which each may be missing.
+    """Adds up couplings; each input is optional.
 
     .. pydrake_system::
 
@@ -37,7 +37,7 @@ class CouplingSum(LeafSystem):
         """Makes the system.
 
         Args:
-            count: Of couplings.
+            count: Number of couplings.
         """
         super().__init__()
         for name, size in (("slowdown", 1), ("coupling", 3)):

@@ -1,4 +1,4 @@
-"""The hand's pose to ask for, in the form that Drake's differential inverse kinematics takes."""
+"""The hand's desired pose with feed-forward, for Drake's differential inverse kinematics."""
 
 from pydrake.common.value import Value
 from pydrake.systems.framework import BusValue, Context, InputPort, OutputPort
@@ -8,7 +8,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class FeedforwardPose(LeafSystem):
-    """Puts the pose that the hand should be asked for on a bus (see `feedforward_pose`).
+    """Puts the hand's desired pose on a bus (see `feedforward_pose`).
 
     .. pydrake_system::
 
@@ -27,7 +27,7 @@ class FeedforwardPose(LeafSystem):
 
     Args:
         key: The hand's scoped frame name.
-        gain: Share of the hand's error that is made up for in one tick.
+        gain: Fraction of the hand's error that is corrected in one tick.
     """
 
     def __init__(self, key: str, gain: float) -> None:

@@ -13,16 +13,16 @@ from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 Vector = npt.NDArray[np.float64]
 
-_STILL = 5e-5
-"""Changes up to this in all numbers of a pose (m and parts of a quaternion) are none."""
+_TOLERANCE = 5e-5
+"""Pose changes up to this in every element (m, or quaternion components) are ignored."""
 
 
 class HandGoalPose(LeafSystem):
     """X_TG = X_TO X_OG, with X_TO = X_TW X_WO held over a tick of the controller.
 
-    The torso's measured pose changes at every step of the plant, if only in its last digits; an
-    object that has not moved by a twentieth of a millimetre stays where it is, and with it all
-    that is computed from it. X_OG is not held: a movement and its goal begin together.
+    The torso's measured pose changes at every step of the plant, if only in its last digits. X_TO
+    is therefore kept until the object has moved by a twentieth of a millimetre, which keeps what is
+    computed from it cached. X_OG is not held: a movement and its goal begin together.
 
     .. pydrake_system::
 
@@ -101,10 +101,10 @@ class HandGoalPose(LeafSystem):
         X_WT = self.torso_pose_input.Eval(context)
         now = _numbers(X_WT.InvertAndCompose(self.object_pose_input.Eval(context)))
         before = context.get_discrete_state(self._object).value()
-        if np.abs(now - before).max() > _STILL:
+        if np.abs(now - before).max() > _TOLERANCE:
             discrete_state.set_value(self._object, now)
 
 
 def _numbers(X: RigidTransform) -> Vector:
-    """Position [m] and quaternion w, x, y, z of a pose (7,)."""
+    """Returns position [m] and quaternion w, x, y, z of a pose (7,)."""
     return np.concatenate((X.translation(), X.rotation().ToQuaternion().wxyz()))

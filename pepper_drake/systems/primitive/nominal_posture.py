@@ -1,4 +1,4 @@
-"""The arm's posture along the primitive: what the inverse kinematics leans towards."""
+"""The arm's nominal posture along the primitive, towards which the inverse kinematics tends."""
 
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, InputPort
@@ -19,11 +19,11 @@ class NominalPosture(LeafSystem):
         output_ports:
         - joint_position
 
-    Inputs: `phase` (1), 1 at the start of the motion and falling; `movement`, abstract Movement
+    Inputs: `phase` (1), decreasing from 1 at the start of the motion; `movement`, abstract Movement
     with a posture. Output: `joint_position` (J) [rad].
 
     Args:
-        num_joints: J.
+        num_joints: Number J of joints.
     """
 
     def __init__(self, num_joints: int = 5) -> None:

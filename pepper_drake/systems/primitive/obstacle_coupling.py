@@ -32,18 +32,18 @@ class ObstacleCoupling(LeafSystem):
         - slowdown
         - distance
 
-    C_t of equation 2.6 and the phase stopping of `learning.Coupling`. No state: outputs follow
-    from the inputs. The clouds are sorted once for each new cloud.
+    C_t of equation 2.6 and the phase stopping of `learning.Coupling`. No state. The search
+    structure of the clouds is rebuilt only for a new cloud.
 
-    Inputs: `movement`, abstract Movement: with its coupling it is bent, if it has any, and at rest
-    nothing is computed; `cloud` and `predicted_cloud`, where obstacles are and where moving ones
-    will be soon, abstract PointCloud [m], points that are not finite are ignored, an empty or
-    missing cloud pushes nothing; `position` (3) [m], `velocity` (3) [m/s] and
-    `nominal_acceleration` (3) [m/s²] of a `TransformationSystem`; `goal_position` (3) [m];
-    `tau` (1) [s]. All are in the frame of the motion, normally T.
+    Inputs: `movement`, abstract Movement: its coupling is applied, if it has one and runs; `cloud`
+    and `predicted_cloud`, present obstacles and the predicted positions of moving ones, abstract
+    PointCloud [m]; points that are not finite are ignored, an empty or missing cloud has no effect;
+    `position` (3) [m], `velocity` (3) [m/s] and `nominal_acceleration` (3) [m/s²] of a
+    `TransformationSystem`; `goal_position` (3) [m]; `tau` (1) [s]. All are in the frame of the
+    motion, normally T.
 
     Outputs: `coupling` (3) [m]; `slowdown` (1) >= 0 for the `CanonicalSystem`; `distance` (1) [m]
-    from the hand's centre to the nearest solid, infinite without obstacles and at rest.
+    from the hand's centre to the nearest obstacle, infinite without obstacles and at rest.
 
     Examples:
         >>> from pepper_drake.learning import get_coupling
@@ -136,7 +136,7 @@ class ObstacleCoupling(LeafSystem):
         value.get_mutable_value()["clearance"] = law.clearance(field, goal)
 
     def _law(self, context: Any) -> Coupling | None:
-        """The coupling of the movement that runs."""
+        """Returns the coupling of the running movement, None at rest."""
         movement: Movement = self.movement_port.Eval(context)
         return movement.coupling if movement.runs else None
 

@@ -1,4 +1,4 @@
-"""The distance field of a cloud at an input port, made once for each new cloud."""
+"""The distance field of point clouds at input ports, rebuilt only for a new cloud."""
 
 from typing import Any
 
@@ -15,15 +15,15 @@ from pepper_drake.systems.framework import CacheEntry, LeafSystem, ValueProducer
 
 
 class ObstacleFieldCache:
-    """A PointCloudDistance of the PointClouds at ports of a system, in its cache.
+    """A cache entry with the PointCloudDistance of the PointClouds at a system's input ports.
 
-    A missing cloud is an empty one. A source that computes the same cloud again costs a comparison,
-    not another field.
+    An unconnected cloud counts as empty. A recomputed but equal cloud costs a comparison, not
+    another field.
 
     Args:
-        system: Whose cache it is; to be made in its constructor.
-        cloud_ports: Its ports of clouds in one frame, whose points are taken together.
-        extension: How far each point reaches down [m]; see `PointCloudDistance`.
+        system: The system that owns the cache; to be called in its constructor.
+        cloud_ports: Its input ports of clouds in one frame, whose points are merged.
+        extension: Downward extension of each point [m]; see `PointCloudDistance`.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class ObstacleFieldCache:
         )
 
     def eval(self, context: Context) -> PointCloudDistance:
-        """The field of the cloud of now."""
+        """Returns the field of the present clouds."""
         field: PointCloudDistance = self.entry.Eval(context)["field"]
         return field
 

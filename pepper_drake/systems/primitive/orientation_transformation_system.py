@@ -16,7 +16,7 @@ _NUMBER, _SPEED = 13, 14
 
 
 class OrientationTransformationSystem(LeafSystem):
-    """The transformation system of a primitive's orientation, in step with its translation.
+    """The transformation system of a primitive's orientation, synchronised with its translation.
 
     .. pydrake_system::
 
@@ -38,17 +38,18 @@ class OrientationTransformationSystem(LeafSystem):
     See `learning.orientation` for the equations. Orientations are unit quaternions w, x, y, z of
     the hand, angular velocities [rad/s], both in the frame of the demonstration, normally T.
 
-    Inputs: `movement`, abstract Movement: with another number a motion starts anew, with the
-    orientation and the angular velocity of now; `phase` (1), `phase_velocity` (1) [1/s], `tau` (1)
+    Inputs: `movement`, abstract Movement: a motion restarts when its number changes, from the
+    present orientation and angular velocity; `phase` (1), `phase_velocity` (1) [1/s], `tau` (1)
     [s] of the same `CanonicalSystem` as the translation; `goal_orientation` (4), followed smoothly;
-    `start_orientation` (4): the motion starts from there; `speed` (1) as at the CanonicalSystem.
+    `start_orientation` (4), from which the motion starts; `speed` (1) as at the CanonicalSystem.
 
     Outputs: `orientation` (4) and `angular_velocity` (3), at full speed, are state;
     `next_orientation` (4) and `next_angular_velocity` (3) are the state one step ahead, fed through
     from all inputs. At rest they are `start_orientation` and zero.
 
     State: coordinates (3) [rad], their rates (3) [rad/s], coordinates at the start (3) [rad], the
-    goal that the spring sees (4), number and speed of the motion; discrete with period `time_step`.
+    delayed goal of the spring (4), number and speed of the motion; discrete with period
+    `time_step`.
 
     Examples:
         >>> from pydrake.systems.analysis import Simulator
@@ -56,11 +57,11 @@ class OrientationTransformationSystem(LeafSystem):
         >>> from pepper_drake.learning import Demonstration
         >>> from pepper_drake.systems import CanonicalSystem
         >>> times = np.linspace(0.0, 2.0, 201)
-        >>> way = 0.5 - 0.5 * np.cos(0.5 * np.pi * times)
-        >>> half = 0.25 * np.pi * way  # Half the angle of a quarter turn about z.
-        >>> zero = np.zeros_like(way)
+        >>> progress = 0.5 - 0.5 * np.cos(0.5 * np.pi * times)
+        >>> half = 0.25 * np.pi * progress  # Half the angle of a quarter turn about z.
+        >>> zero = np.zeros_like(progress)
         >>> turns = np.column_stack((np.cos(half), zero, zero, np.sin(half)))
-        >>> positions = np.outer(way, [0.2, 0.0, 0.1])
+        >>> positions = np.outer(progress, [0.2, 0.0, 0.1])
         >>> demonstration = Demonstration.from_positions(times, positions, rotations=turns)
         >>> primitive = MovementPrimitive.fit(demonstration)
         >>> builder = DiagramBuilder()
@@ -91,7 +92,7 @@ class OrientationTransformationSystem(LeafSystem):
         """Makes the system.
 
         Args:
-            primitive: An example of what is performed.
+            primitive: An example of the primitives to perform.
             time_step: [s].
             start_moving: Whether the motion starts with the demonstration's angular velocity, or
                 from rest; see `TransformationSystem`.
@@ -117,7 +118,7 @@ class OrientationTransformationSystem(LeafSystem):
         self.start_orientation_port = self.DeclareVectorInputPort("start_orientation", 4)
         self.speed_port = self.DeclareVectorInputPort("speed", 1)
 
-        # Identity for the goal: contexts that nothing has initialised are valid as well.
+        # The goal is the identity, so that an uninitialised context is valid as well.
         index = self.DeclareDiscreteState([0.0] * 9 + [1.0, 0.0, 0.0, 0.0] + [0.0, 1.0])
         self.DeclareInitializationDiscreteUpdateEvent(self._rest)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
@@ -170,7 +171,7 @@ class OrientationTransformationSystem(LeafSystem):
         return OrientationState(values[:6].reshape(2, 3), values[6:9], values[9:_NUMBER])
 
     def _state_now(self, context: Any) -> OrientationState:
-        """Returns the state, of a motion that starts anew if one does."""
+        """Returns the state, reset if a motion starts now."""
         state = self._state(context)
         if self._movement(context).begins_after(context.get_discrete_state_vector()[_NUMBER]):
             goal = self.goal_orientation_port.Eval(context)
@@ -179,7 +180,7 @@ class OrientationTransformationSystem(LeafSystem):
         return state
 
     def _speed(self, context: Any) -> float:
-        """Returns the share of its speed at which the motion is performed."""
+        """Returns the speed scale of the motion, from 0 to 1."""
         port = self.speed_port
         return float(port.Eval(context)[0]) if port.HasValue(context) else 1.0
 

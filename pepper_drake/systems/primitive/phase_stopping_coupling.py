@@ -1,4 +1,4 @@
-"""Lets a movement wait for a hand that is held or pushed."""
+"""Phase stopping: the movement waits for a hand that is held or pushed."""
 
 import numpy as np
 from pydrake.common.value import Value
@@ -9,7 +9,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class PhaseStoppingCoupling(LeafSystem):
-    """Couples phase and desired position to the hand's deviation; see `PhaseStopping`.
+    """Couples phase and desired position to the hand's tracking error; see `PhaseStopping`.
 
     .. pydrake_system::
 
@@ -47,7 +47,7 @@ class PhaseStoppingCoupling(LeafSystem):
         """Makes the system.
 
         Args:
-            law: The constants.
+            law: Parameters of the coupling.
             time_step: [s].
         """
         super().__init__()

@@ -56,31 +56,31 @@ def TransformationSystem_(T: type) -> type:
         the report); each step is the one of `learning.spring`. All vectors are in the frame of the
         demonstration, normally T.
 
-        Inputs: `movement`, abstract Movement: with another number a motion starts anew, with the
-        position and the velocity of now (not in continuous time, where numbers above 0 are one);
-        `phase` (1), `phase_velocity` (1) [1/s], `tau` (1) [s] of a `CanonicalSystem`;
-        `goal_position` (3) [m], followed smoothly, moves under 3 mm ignored; `goal_velocity` (3)
-        [m/s] if known; `start_position` (3) [m], where the hand is: the motion starts from there;
-        `coupling` (3) [m], C_t; `speed` (1) as at the CanonicalSystem, for discrete time.
+        Inputs: `movement`, abstract Movement: a motion restarts when its number changes, from the
+        present position and velocity (not in continuous time, where all numbers above 0 are the
+        same); `phase` (1), `phase_velocity` (1) [1/s], `tau` (1) [s] of a `CanonicalSystem`;
+        `goal_position` (3) [m], followed smoothly, displacements below 3 mm ignored;
+        `goal_velocity` (3) [m/s] if known; `start_position` (3) [m], the hand's position, from
+        which the motion starts; `coupling` (3) [m], C_t; `speed` (1) as at the CanonicalSystem, for
+        discrete time.
 
         Outputs: `position` (3) [m], `velocity` (3) at full speed [m/s] and `delayed_goal_position`
-        (3) [m], the goal that the spring sees, are state. `nominal_acceleration` (3) [m/s²] does
-        not depend on coupling and `phase_velocity`. `next_position` and `next_velocity` are the
-        state one step ahead, fed through from all inputs: what follows the motion with them has no
-        delay. At rest they are `start_position` and zero.
+        (3) [m], the goal of the spring, are state. `nominal_acceleration` (3) [m/s²] depends on
+        neither coupling nor `phase_velocity`. `next_position` and `next_velocity` are the state one
+        step ahead, fed through from all inputs: a follower of them has no delay. At rest they are
+        `start_position` and zero.
 
         State: position, velocity, goal, delayed goal, start, each (3), number and speed of the
         motion. Discrete with period `time_step`. With `time_step` 0 position, velocity and delayed
-        goal are continuous and the rest is updated after each step of the integrator; there is
-        then no next step, and the two ports are missing. In continuous time, derivatives exist for
-        Expression as well.
+        goal are continuous and the rest is updated after each step of the integrator; the two
+        ports of the next step do not exist. The time derivatives support Expression as well.
 
-        Parameters: numeric parameter 0 has the weights of the forcing term, row by row, if the
-        approximator has any; with AutoDiffXd, gradients by them follow. They are used while the
-        movement's primitive is the one that the system was made with.
+        Parameters: numeric parameter 0 holds the weights of the forcing term, row by row, if the
+        approximator has any; AutoDiffXd gives gradients with respect to them. They are used while
+        the movement's primitive is the one that the system was made with.
 
         Args:
-            primitive: An example of what is performed.
+            primitive: An example of the primitives to perform.
             time_step: [s]; 0 for a continuous state.
             start_moving: Whether the motion starts with the demonstration's velocity, as a rollout
                 does, or from rest, as a hand does. With it, `velocity` has that start velocity
@@ -221,7 +221,7 @@ def TransformationSystem_(T: type) -> type:
             return np.concatenate((continuous[:6], discrete[:3], continuous[6:], discrete[3:]))
 
         def _state_now(self, context: Any) -> Any:
-            """Returns the state (15,), of a motion that starts anew if one does."""
+            """Returns the state (15,), reset if a motion starts now."""
             state = self._state(context)
             if self._time_step == 0.0:
                 return state
@@ -242,7 +242,7 @@ def TransformationSystem_(T: type) -> type:
             return self.speed_port.Eval(context)[0] if self.speed_port.HasValue(context) else 1.0
 
         def _weights(self, context: Any, attractor: TransformationModel) -> Any:
-            """Returns the weights of the parameters, None where they are not used."""
+            """Returns the weights from the context's parameters, None if they are not used."""
             if self._weights_shape is None or attractor is not self._attractor:
                 return None
             weights = context.get_numeric_parameter(0).CopyToVector()

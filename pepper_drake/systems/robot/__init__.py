@@ -1,1 +1,1 @@
-"""LeafSystems of joints, base and safety."""
+"""LeafSystems for joints, base and safety."""

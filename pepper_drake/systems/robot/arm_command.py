@@ -1,4 +1,4 @@
-"""The arm's joint command: what moves the arm by its mode, inside every limit."""
+"""The arm's joint command: from the source selected by the arm mode, within all limits."""
 
 from collections.abc import Callable, Sequence
 from enum import IntEnum
@@ -25,22 +25,22 @@ class ArmMode(IntEnum):
     """The source of the arm's motion."""
 
     LIMP = 0
-    """A guide leads it; the command follows the measured joints."""
+    """A guide moves the arm; the command follows the measured joints."""
     HELD = 1
-    """None: the command stands still."""
+    """None: the command is constant."""
     JOINTS = 2
-    """It goes to given joint angles."""
+    """A joint target."""
     HAND = 3
-    """The inverse kinematics, with which the hand follows its movement."""
+    """The inverse kinematics: the hand follows its movement."""
 
 
 class ArmCommand(LeafSystem):
-    """Integrates joint velocities into commands that keep all limits.
+    """Integrates joint velocities into position commands within all limits.
 
-    The velocities come from the inverse kinematics while a movement runs, and else from what the
-    arm's mode says; without any the command brakes to a stand and stays. It starts from the
-    measured position when the diagram is initialized, so that nothing jumps; in a context that
-    never was, from `start_position`.
+    The arm mode selects the source of the velocities: in the mode HAND the inverse kinematics while
+    a movement runs. Without a source the command brakes and stays. It starts from the measured
+    position at initialization, so that nothing jumps; in an uninitialized context from
+    `start_position`.
 
     .. pydrake_system::
 
@@ -61,11 +61,11 @@ class ArmCommand(LeafSystem):
     Inputs: `movement`, abstract Movement; `desired_velocity` (5) of the inverse kinematics [rad/s],
     evaluated while a movement runs only; `measured_position` (5) [rad]; `arm_mode` (1), an ArmMode,
     HAND if unconnected; `joint_target` (5) [rad] of the mode JOINTS; `stop_reason` (1): while it is
-    not 0 commands do not pass, and the command follows the arm that is held.
+    not 0 the robot is stopped, and the command follows the measured position.
     Outputs: `position_command` (5) [rad]; `velocity_command` (5) [rad/s]; `active` (1), 1 while the
-    arm moves by itself: in JOINTS, and in HAND during a movement; `limp` (1), 1 while it is led.
-    State: command position (5) and velocity (5), at `time_step`; at rest it does not change.
-    The law is `planning.safety.command_limits.limit_joint_command`.
+    arm moves by itself: in JOINTS, and in HAND during a movement; `limp` (1), 1 in LIMP.
+    State: command position (5) and velocity (5), at `time_step`; constant at rest.
+    The limits are applied by `planning.safety.command_limits.limit_joint_command`.
     """
 
     def __init__(
@@ -80,10 +80,10 @@ class ArmCommand(LeafSystem):
         """Makes the system.
 
         Args:
-            limits: Of the arm's joints.
+            limits: Limits of the arm's joints.
             start_position: (5,) [rad].
-            time_constant: With which the command follows a joint target [s].
-            catch_up_steps: Control periods in which the command catches up with an arm that is led.
+            time_constant: Time constant of following a joint target [s].
+            catch_up_steps: Control periods in which the command catches up with a limp arm.
             time_step: [s].
         """
         super().__init__()
@@ -130,7 +130,7 @@ class ArmCommand(LeafSystem):
         return runs or mode == ArmMode.JOINTS
 
     def _follow(self, context: Context, discrete_state: DiscreteValues) -> None:
-        """Puts the command to where the arm is."""
+        """Sets the command to the measured position."""
         measured = self.measured_position_input.Eval(context)
         position = clamp_to_position_limits(measured, self._limits)
         discrete_state.set_value(self._position, position)
@@ -153,14 +153,14 @@ class ArmCommand(LeafSystem):
     def _desired_velocity(self, context: Context, position: Vector) -> Vector:
         mode = self._mode(context)
         if mode == ArmMode.LIMP:
-            behind: Vector = self.measured_position_input.Eval(context) - position
-            return behind / (self._catch_up_steps * self._time_step)
+            error: Vector = self.measured_position_input.Eval(context) - position
+            return error / (self._catch_up_steps * self._time_step)
         if mode == ArmMode.JOINTS:
-            to_go: Vector = self.joint_target_input.Eval(context) - position
-            return to_go / self._time_constant
+            remaining: Vector = self.joint_target_input.Eval(context) - position
+            return remaining / self._time_constant
         if self._is_active(context):
-            wanted: Vector = self.desired_velocity_input.Eval(context)
-            return wanted
+            desired: Vector = self.desired_velocity_input.Eval(context)
+            return desired
         return _REST
 
     def _step(

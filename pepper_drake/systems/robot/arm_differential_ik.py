@@ -12,7 +12,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class ArmDifferentialIk(LeafSystem):
-    """Turns the hand's next pose in the torso frame into joint velocities (see `CompiledIk`).
+    """Computes joint velocities from the hand's next pose in the torso frame (see `CompiledIk`).
 
     .. pydrake_system::
 

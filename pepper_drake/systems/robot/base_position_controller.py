@@ -1,4 +1,4 @@
-"""Drives Pepper's base to a place on the floor."""
+"""Drives Pepper's base to a goal pose on the floor."""
 
 import math
 from dataclasses import dataclass
@@ -27,37 +27,37 @@ class BaseMotion:
     approach_rate: float = 4.0
     """Rate of the exponential approach to the goal [1/s]."""
     correction: float = 1.0
-    """Gain [1/s] of the correction of following errors. Slower than the base's own controller by
-    so much that it cannot rock."""
+    """Feedback gain on the tracking error [1/s]. Low enough compared with the base's own
+    controller that the two cannot oscillate."""
     lag: float = 0.04
-    """Time by which the base is behind where it should be while all is well [s]: two control
-    periods. What it is behind by then needs no correction, which would be an overshoot later."""
+    """Normal lag of the base behind its reference [s]: two control periods. Correcting for it
+    would cause overshoot."""
     position_tolerance: float = 0.003
     """Distance to the goal at which the base has arrived [m]."""
     yaw_tolerance: float = 0.005
     """Angle to the goal at which the base has arrived [rad]."""
     held_distance: float = 0.04
-    """Distance to where it should be at which a base counts as held by something [m]."""
+    """Tracking error at which the base counts as held by an obstacle [m]."""
     held_angle: float = 0.08
     """The same for its yaw [rad]."""
     has_reference: bool = True
-    """True if a place that accelerates and brakes goes ahead of the base. A robot that is sent to
-    places accelerates by itself: it is told the speed from which it would brake at the goal."""
+    """True if the base follows a reference with limited acceleration. A robot that limits its
+    acceleration itself gets the speed from which it would brake at the goal."""
 
 
 def wrap_angle(angle: float) -> float:
-    """The same angle in (-pi, pi]."""
+    """Returns the same angle in (-pi, pi]."""
     return float(-((np.pi - angle) % (2 * np.pi) - np.pi))
 
 
 def approach_speed(distance: float, limit: float, acceleration: float, rate: float) -> float:
-    """Speed at a distance from which a braking motion ends there.
+    """Returns the speed at a distance from the goal from which braking ends at the goal.
 
     It is `rate` times the distance near the goal and sqrt(2 a (d - a / (2 rate^2))) beyond
     a / rate^2, so that speed and deceleration are continuous and the latter is at most a.
 
     Args:
-        distance: To the goal, zero or more [m or rad].
+        distance: Distance d to the goal, zero or more [m or rad].
         limit: Largest speed [m/s or rad/s].
         acceleration: Largest deceleration a [m/s^2 or rad/s^2].
         rate: Rate of the exponential approach [1/s].
@@ -71,36 +71,36 @@ def approach_speed(distance: float, limit: float, acceleration: float, rate: flo
 def step_base_reference(
     pose: Vector, velocity: Vector, goal: Vector, motion: BaseMotion, time_step: float
 ) -> tuple[Vector, Vector]:
-    """Moves the place where the base should be by one step towards its goal.
+    """Moves the base's reference by one step towards its goal.
 
-    It goes straight, and starts, turns to another goal and brakes at the limited acceleration.
+    It moves in a straight line, with limited acceleration when it starts, changes goal or brakes.
 
     Args:
-        pose: Where the base should be: x, y [m], yaw [rad] in W.
+        pose: The reference: x, y [m], yaw [rad] in W.
         velocity: Its velocity in W (3,) [m/s, m/s, rad/s].
-        goal: Where it is sent, like `pose`; not finite to brake.
-        motion: Speeds and accelerations.
+        goal: The goal, like `pose`; not finite to brake.
+        motion: Limits of speed and acceleration.
         time_step: Period [s].
 
     Returns:
-        Pose and velocity a step later.
+        Pose and velocity one step later.
     """
-    wish = np.zeros(3)
+    desired = np.zeros(3)
     if np.all(np.isfinite(goal)):
-        way = goal[:2] - pose[:2]
-        distance = float(np.hypot(*way))
+        displacement = goal[:2] - pose[:2]
+        distance = float(np.hypot(*displacement))
         speed = approach_speed(distance, motion.speed, motion.acceleration, motion.approach_rate)
-        wish[:2] = way / max(distance, 1e-9) * min(speed, distance / time_step)
+        desired[:2] = displacement / max(distance, 1e-9) * min(speed, distance / time_step)
         turn = wrap_angle(float(goal[2] - pose[2]))
         turning = approach_speed(
             abs(turn), motion.turning_speed, motion.turning_acceleration, motion.approach_rate
         )
-        wish[2] = math.copysign(min(turning, abs(turn) / time_step), turn)
-    change = wish - velocity
-    most = motion.acceleration * time_step
-    change[:2] *= min(1.0, most / max(float(np.hypot(*change[:2])), 1e-12))
-    most = motion.turning_acceleration * time_step
-    change[2] = min(max(float(change[2]), -most), most)
+        desired[2] = math.copysign(min(turning, abs(turn) / time_step), turn)
+    change = desired - velocity
+    max_change = motion.acceleration * time_step
+    change[:2] *= min(1.0, max_change / max(float(np.hypot(*change[:2])), 1e-12))
+    max_change = motion.turning_acceleration * time_step
+    change[2] = min(max(float(change[2]), -max_change), max_change)
     after = velocity + change
     return pose + time_step * after, after
 
@@ -109,32 +109,32 @@ def approach_velocity(pose: Vector, goal: Vector, motion: BaseMotion) -> Vector:
     """Returns the velocity (3,) in B [m/s, rad/s] from which the base would brake at its goal.
 
     Args:
-        pose: Where the base is: x, y [m], yaw [rad] in W.
-        goal: Where it is sent, like `pose`; not finite to brake.
-        motion: Speeds and accelerations.
+        pose: Pose of the base: x, y [m], yaw [rad] in W.
+        goal: The goal, like `pose`; not finite to brake.
+        motion: Limits of speed and acceleration.
     """
     if not np.all(np.isfinite(goal)):
         return np.zeros(3)
-    way, turn = goal[:2] - pose[:2], wrap_angle(float(goal[2] - pose[2]))
-    distance = float(np.hypot(*way))
+    displacement, turn = goal[:2] - pose[:2], wrap_angle(float(goal[2] - pose[2]))
+    distance = float(np.hypot(*displacement))
     if distance <= motion.position_tolerance and abs(turn) <= motion.yaw_tolerance:
         return np.zeros(3)
     speed = approach_speed(distance, motion.speed, motion.acceleration, motion.approach_rate)
     turning = approach_speed(
         abs(turn), motion.turning_speed, motion.turning_acceleration, motion.approach_rate
     )
-    vx, vy = way / max(distance, 1e-9) * speed
+    vx, vy = displacement / max(distance, 1e-9) * speed
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     return np.array([cos * vx + sin * vy, cos * vy - sin * vx, math.copysign(turning, turn)])
 
 
 class BasePositionController(LeafSystem):
-    """Drives the base to `base_goal` and says when it stands there.
+    """Drives the base to `base_goal` and reports when it has arrived.
 
-    A reference, moved by `step_base_reference`, goes ahead with a profile that brakes in time; the
-    base follows it by its velocity and by what is left between the two. As the base's own
-    controller lags, closing the loop over the measured place alone would overshoot. A base that is
-    sent to places does without (`BaseMotion.has_reference`).
+    `step_base_reference` moves a reference with a profile that brakes in time; the base follows it
+    by velocity feed-forward and feedback of the tracking error. As the base's own controller lags,
+    feedback of the measured pose alone would overshoot. The reference is optional
+    (`BaseMotion.has_reference`).
 
     .. pydrake_system::
 
@@ -151,13 +151,13 @@ class BasePositionController(LeafSystem):
     Inputs: `base_goal` and `base_pose` (3), x and y in m and yaw in rad, in W. A goal that is not
     finite means: brake and stay. `stop` (1), not zero: brake, and stay until it is zero again.
     Outputs: `base_velocity_command` (3), m/s, m/s, rad/s in the base frame B; `arrived` (1), 1 when
-    the base stands within the tolerances; `held` (1), 1 when the base is farther from where it
-    should be than it ever is by itself.
+    the base stands within the tolerances; `held` (1), 1 when the tracking error is larger than
+    unobstructed motion explains.
     State: the reference's pose and velocity in W, the command, and whether the reference is known
     (10), at `time_step`.
 
     Args:
-        motion: Limits and gains; those of Pepper if left out.
+        motion: Limits and gains; Pepper's if omitted.
         time_step: Period of the update [s].
     """
 
@@ -206,20 +206,20 @@ class BasePositionController(LeafSystem):
         state[:3], state[3:6] = step_base_reference(
             state[:3], state[3:6], goal, self._motion, self._time_step
         )
-        off = self._off(state, measured)
+        error = self._tracking_error(state, measured)
         if not state[3:6].any() and not np.all(np.isfinite(goal)):
-            # A base that is to stay stays where it is, however it came there.
-            state[:3], off = measured, np.zeros(3)
-        v_W = state[3:6] + self._motion.correction * off
+            # Without a goal the reference follows the base, even if it is pushed.
+            state[:3], error = measured, np.zeros(3)
+        v_W = state[3:6] + self._motion.correction * error
         cos, sin = math.cos(measured[2]), math.sin(measured[2])
         state[6:9] = cos * v_W[0] + sin * v_W[1], cos * v_W[1] - sin * v_W[0], v_W[2]
         discrete_state.set_value(self._state, state)
 
-    def _off(self, state: Vector, measured: Vector) -> Vector:
-        """From where the base is to where it should be by now (3,)."""
-        off = state[:3] - self._motion.lag * state[3:6] - measured
-        off[2] = wrap_angle(float(off[2]))
-        return off
+    def _tracking_error(self, state: Vector, measured: Vector) -> Vector:
+        """Returns the tracking error with the normal lag taken into account (3,), in W."""
+        error = state[:3] - self._motion.lag * state[3:6] - measured
+        error[2] = wrap_angle(float(error[2]))
+        return error
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(context.get_discrete_state(self._state).value()[6:9])
@@ -228,14 +228,14 @@ class BasePositionController(LeafSystem):
         error = self.base_goal_input.Eval(context) - self.base_pose_input.Eval(context)
         error[2] = wrap_angle(error[2])
         velocity = context.get_discrete_state(self._state).value()[6:9]
-        there = np.all(np.abs(error) <= self._tolerances) and np.all(np.abs(velocity) < 0.01)
-        output.SetAtIndex(0, float(there))
+        has_arrived = np.all(np.abs(error) <= self._tolerances) and np.all(np.abs(velocity) < 0.01)
+        output.SetAtIndex(0, float(has_arrived))
 
     def _calc_held(self, context: Context, output: BasicVector) -> None:
         state = context.get_discrete_state(self._state).value()
         held = 0.0
         if state[9] and self._motion.has_reference:
-            off = self._off(state, self.base_pose_input.Eval(context))
-            far = math.hypot(*off[:2]) > self._motion.held_distance
-            held = float(far or abs(off[2]) > self._motion.held_angle)
+            error = self._tracking_error(state, self.base_pose_input.Eval(context))
+            far = math.hypot(*error[:2]) > self._motion.held_distance
+            held = float(far or abs(error[2]) > self._motion.held_angle)
         output.SetAtIndex(0, held)

@@ -1,4 +1,4 @@
-"""The base's own velocity controller: odometry that follows a velocity command."""
+"""The base's own velocity controller, with odometry."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class BaseVelocityController(LeafSystem):
-    """Integrates a velocity command in the base frame to the base's desired place and velocity.
+    """Integrates a velocity command in the base frame into the base's desired pose and velocity.
 
     .. pydrake_system::
 
@@ -21,24 +21,22 @@ class BaseVelocityController(LeafSystem):
         output_ports:
         - desired_state
 
-    Inputs: `base_velocity_command` (3) in B [m/s, m/s, rad/s], zero if left out; `base_pose`
-    (3), x, y, yaw in W, read when the first command arrives [m, rad].
+    Inputs: `base_velocity_command` (3) in B [m/s, m/s, rad/s], zero if unconnected; `base_pose`
+    (3), x, y, yaw in W, read at initialization [m, rad].
     Output: `desired_state` (6), x, y, yaw and their rates in W.
-    State: x, y, yaw, rates, whether the first place is known, and the velocity in B (10), at
-    `time_step`. Until it is known, in a context that was never initialized, the base stands at
-    `start_pose` (x, y, yaw).
+    State: x, y, yaw, rates, whether the initial pose is known, and the velocity in B (10), at
+    `time_step`. In an uninitialized context the base stands at `start_pose` (x, y, yaw).
 
-    It is the limiter of the base's commands: what is beyond the rated speeds is cut to them, one
-    that is not finite brakes, and the velocity in B changes by no more than the accelerations
-    allow [m/s^2, rad/s^2], whatever is asked for.
+    It limits the base's commands: each velocity in B is clipped to the rated speed, and changes by
+    no more than the rated acceleration allows; a command that is not finite brakes.
 
     Args:
         start_pose: x, y, yaw (3,) in W [m, rad].
         time_step: Period of the update [s].
         speed: Largest speed along each axis of B [m/s].
-        turning_speed: [rad/s].
-        acceleration: Largest along each axis of B [m/s^2].
-        turning_acceleration: [rad/s^2].
+        turning_speed: Largest yaw rate [rad/s].
+        acceleration: Largest acceleration along each axis of B [m/s^2].
+        turning_acceleration: Largest yaw acceleration [rad/s^2].
     """
 
     def __init__(
@@ -87,7 +85,7 @@ class BaseVelocityController(LeafSystem):
         v_B, change = state[7:], self._change
         v_B = np.clip(np.clip(command, -self._limit, self._limit), v_B - change, v_B + change)
         vx, vy, turning = v_B.tolist()
-        # The chord of the arc that the base drives in one period.
+        # Heading of the chord of the arc driven in one period.
         heading = float(state[2]) + turning * self._time_step / 2
         cos, sin = math.cos(heading), math.sin(heading)
         rates = np.array([cos * vx - sin * vy, sin * vx + cos * vy, turning])

@@ -1,4 +1,4 @@
-"""The pose of one body, of all that a plant gives out."""
+"""The pose of one of a plant's bodies."""
 
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
@@ -9,7 +9,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class BodyPose(LeafSystem):
-    """Picks a body's pose X_WB out of a plant's port `body_poses`.
+    """Selects a body's pose X_WB from a plant's port `body_poses`.
 
     .. pydrake_system::
 
@@ -20,7 +20,7 @@ class BodyPose(LeafSystem):
         - pose
 
     Args:
-        index: The body's.
+        index: Index of the body.
     """
 
     def __init__(self, index: BodyIndex) -> None:

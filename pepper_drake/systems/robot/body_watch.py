@@ -1,4 +1,4 @@
-"""Watches the whole body against what was seen: head, torso, tablet, base, and arms at rest."""
+"""Clearance of the whole body to the cloud: head, torso, tablet, base, and arms at rest."""
 
 import math
 
@@ -15,7 +15,7 @@ from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCac
 
 
 class BodyWatch(LeafSystem):
-    """Least distance of the body to the cloud, now and at the end of a braking drive.
+    """Smallest distance of the body to the cloud, now and along the base's braking path.
 
     .. pydrake_system::
 
@@ -34,24 +34,24 @@ class BodyWatch(LeafSystem):
 
     Inputs: `cloud` and `predicted_cloud`, PointClouds in W; `joint_position` (15) [rad];
     `base_pose` (3), x, y in m and yaw in rad; `base_velocity_command` (3) in the base frame B;
-    `active` (1), not zero while the reaching arm is watched by itself.
-    Outputs: `clearance` (1) [m] to the cloud, now, infinite before the first tick and for an empty
-    cloud; `approach_clearance` (1) [m], the same, and infinite where the body's own motion since
-    the tick before took none of it (`planning.collision.own_approach`): stopping a body that stands
-    does not help against an obstacle that approaches. `stop_base` (1), 1 while an obstacle, present
-    or predicted, is nearer than `stop_distance` to where the base would stop, and nearer than it is
-    to where the base is now.
-    State: the three, the base's pose and the joints, every `time_step`. The spheres are the body's;
-    they bulge out by up to 1 cm.
+    `active` (1), not zero while the reaching arm is monitored separately.
+    Outputs: `clearance` (1) [m], present distance to the cloud, infinite before the first tick and
+    for an empty cloud; `approach_clearance` (1) [m], the same, but infinite unless the body's own
+    motion since the last tick reduced it (`planning.collision.own_approach`): stopping a body at
+    rest does not help against an approaching obstacle. `stop_base` (1), 1 while on the base's
+    braking path the clearance to an obstacle, present or predicted, falls below `stop_distance` and
+    below the present clearance.
+    State: the outputs, the base's pose and the joints, every `time_step`. The body is approximated
+    by spheres that protrude by up to 1 cm.
 
     Args:
         model: Pepper.
-        arm: The reaching arm, "left" or "right": it belongs to the body while it rests.
-        stop_distance: Clearance at which the base does not go on [m].
-        acceleration: With which the base brakes along the floor [m/s^2].
-        turning_acceleration: With which it stops turning [rad/s^2].
-        delay: Until it begins to brake [s].
-        slowest_approach: Speed below which it stands [m/s]; see `own_approach_clearance`.
+        arm: The reaching arm, "left" or "right": part of the body while at rest.
+        stop_distance: Clearance below which the base stops [m].
+        acceleration: Deceleration of the base along the floor [m/s^2].
+        turning_acceleration: Deceleration of its yaw rate [rad/s^2].
+        delay: Time until it begins to brake [s].
+        slowest_approach: Speed below which it is at rest [m/s]; see `own_approach_clearance`.
         time_step: Period [s].
     """
 
@@ -106,13 +106,14 @@ class BodyWatch(LeafSystem):
         active = self._ports["active"].Eval(context)[0] > 0.5
         speed, turning = math.hypot(*v_B[:2].tolist()), abs(float(v_B[2]))
         drives = speed > 1e-3 or turning > 1e-3
-        # Half and all of the way on which the base comes to a stand.
-        way = np.zeros(3)
-        braking = self._delay + 0.5 * speed / self._deceleration[0]
+        # Poses at half and at the full braking distance.
+        braking_path = np.zeros(3)
+        duration = self._delay + 0.5 * speed / self._deceleration[0]
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
-        way[:2] = braking * np.array([cos * v_B[0] - sin * v_B[1], sin * v_B[0] + cos * v_B[1]])
-        way[2] = v_B[2] * (self._delay + 0.5 * turning / self._deceleration[1])
-        poses = pose + np.outer([0.0, 0.5, 1.0] if drives else [0.0], way)
+        v_W = np.array([cos * v_B[0] - sin * v_B[1], sin * v_B[0] + cos * v_B[1]])
+        braking_path[:2] = duration * v_W
+        braking_path[2] = v_B[2] * (self._delay + 0.5 * turning / self._deceleration[1])
+        poses = pose + np.outer([0.0, 0.5, 1.0] if drives else [0.0], braking_path)
         body = self._reaching if active else self._resting
         joints = self._ports["joint_position"].Eval(context)
         field = self._field.eval(context)

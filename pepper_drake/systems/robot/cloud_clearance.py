@@ -12,7 +12,7 @@ from pepper_drake.systems.primitive.obstacle_field_cache import ObstacleFieldCac
 
 
 class CloudClearance(LeafSystem):
-    """Least distance between the arm, as spheres, and the cloud.
+    """Smallest distance between the arm, as spheres, and the cloud.
 
     .. pydrake_system::
 
@@ -29,24 +29,24 @@ class CloudClearance(LeafSystem):
         - predicted_approach_clearance
 
     Inputs: `cloud` and `predicted_cloud`, PointClouds in the torso frame T; `joint_position` (5)
-    and `joint_velocity` (5), the arm's [rad, rad/s]. Outputs: `clearance` (1) [m]: the lesser of
-    now and of `lookahead` later at this velocity; `approach_clearance` (1) [m]: that of later to
-    `cloud`, and infinite where the arm's own motion takes none away
-    (`planning.collision.own_approach`); `predicted_approach_clearance` (1) [m]: the same to
-    `predicted_cloud`. All are infinite before the first tick, for an empty cloud, and while
-    `active` (1) is 0: an arm at rest is not monitored. State: the three, every `time_step`.
+    and `joint_velocity` (5), the arm's [rad, rad/s]. Outputs: `clearance` (1) [m], the smallest of
+    the distances to `cloud`, now and extrapolated by `lookahead` at this velocity, and of
+    `predicted_approach_clearance`; `approach_clearance` (1) [m], the extrapolated distance to
+    `cloud`, infinite unless the arm's own motion reduces it (`planning.collision.own_approach`);
+    `predicted_approach_clearance` (1) [m], the same to `predicted_cloud`. All are infinite before
+    the first tick, for an empty cloud, and while `active` (1) is 0: an arm at rest is not
+    monitored. State: the three, every `time_step`.
 
     Predicted obstacles count only if the arm itself moves towards them: stopping an arm that is
-    there already, or moves away, does not make it safer.
+    already inside one, or moves away, does not make it safer.
 
     Args:
-        shapes: Of the arm.
-        extension: How far each point reaches down, m (see `PointCloudDistance`); zero takes the
-            cloud as it was seen.
-        lookahead: Time for which the arm's motion is extrapolated [s]: at least a period and the
-            time that the arm needs to brake.
-        slowest_approach: Speed below which it stands [m/s]; see `own_approach_clearance`.
-        time_step: s.
+        shapes: Shapes of the arm.
+        extension: Downward extension of each point [m] (see `PointCloudDistance`); zero for none.
+        lookahead: Time for which the arm's motion is extrapolated [s]: at least one period plus
+            the arm's braking time.
+        slowest_approach: Speed below which it is at rest [m/s]; see `own_approach_clearance`.
+        time_step: [s].
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class CloudClearance(LeafSystem):
             discrete_state.set_value(state, [value])
 
     def _clearances(self, context: Context) -> tuple[float, float, float]:
-        """The values of the three outputs [m]."""
+        """Returns the values of the three outputs [m]."""
         if self.active_input.HasValue(context) and not self.active_input.Eval(context)[0]:
             return np.inf, np.inf, np.inf
         now = self.joint_position_input.Eval(context)

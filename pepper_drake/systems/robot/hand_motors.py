@@ -1,4 +1,4 @@
-"""The motors that open and close the hands, beside the plant."""
+"""The motors that open and close the hands, simulated outside the plant."""
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +15,8 @@ def next_opening(opening: Vector, command: Vector, duration: float) -> Vector:
     """Returns the openings after a time, each moved towards its command at the motors' speed.
 
     Args:
-        opening: (2,) from 0, closed, to 1, open.
-        command: (2,) wanted; a hand whose command is NaN stays as it is.
+        opening: Openings (2,) from 0, closed, to 1, open.
+        command: Desired openings (2,); NaN leaves a hand unchanged.
         duration: The time [s].
     """
     wanted = np.clip(np.where(np.isnan(command), opening, command), CLOSED, OPEN)
@@ -35,8 +35,8 @@ class HandMotors(LeafSystem):
         output_ports:
         - opening
 
-    Input: `command` (2), from 0, closed, to 1, open, in the order of `HANDS`; NaN, or nothing
-    connected, leaves a hand as it is. Output: `opening` (2). State: the openings (2), every
+    Input: `command` (2), from 0, closed, to 1, open, in the order of `HANDS`; NaN, or no
+    connection, leaves a hand unchanged. Output: `opening` (2). State: the openings (2), every
     `period`; half open at first.
 
     Args:

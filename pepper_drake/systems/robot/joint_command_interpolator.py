@@ -1,4 +1,4 @@
-"""The joints' own servos: between two commands they go on evenly."""
+"""The joints' servos, which interpolate between commands."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class JointCommandInterpolator(LeafSystem):
-    """Leads the joints from each position command to the next, as Pepper's DCM does.
+    """Interpolates between joint position commands, as Pepper's DCM does.
 
     .. pydrake_system::
 
@@ -20,18 +20,18 @@ class JointCommandInterpolator(LeafSystem):
         output_ports:
         - desired_state
 
-    Input: `joint_position_command` (n), rad, new every `command_period`: where the joints should be
-    one period later.
-    Output: `desired_state` (2 n), rad and rad/s. With the last command q_1 and the one before, q_0,
-    it is q_0 + (q_1 - q_0) / 2 in the first half of the period and q_1 in the second, and
-    (q_1 - q_0) / `command_period` at all times. The first command is q_0, too: nothing jumps.
-    State: q_0 and q_1 (2 n), the latter as it is in the middle of the period, so that it does not
-    matter whether a command comes just before or just after the period begins; the share of the
-    way; whether there was a command.
+    Input: `joint_position_command` (n) [rad], new every `command_period`: the desired positions one
+    period later.
+    Output: `desired_state` (2 n) [rad, rad/s]. With the last command q_1 and the one before, q_0,
+    the position is q_0 + (q_1 - q_0) / 2 in the first half of the period and q_1 in the second, the
+    velocity always (q_1 - q_0) / `command_period`. At first q_0 is q_1, so that nothing jumps.
+    State: q_0 and q_1 (2 n), the latter sampled in the middle of the period, so that it does not
+    matter whether a command arrives just before or just after the period begins; the interpolation
+    factor; whether there was a command.
 
     Args:
-        size: n, the number of joints.
-        command_period: s.
+        size: Number n of joints.
+        command_period: [s].
     """
 
     def __init__(self, size: int, command_period: float) -> None:
@@ -53,15 +53,15 @@ class JointCommandInterpolator(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(command_period, command_period / 2, self._finish)
 
     def restart(self, context: Context, joints: Sequence[int], positions: npt.ArrayLike) -> None:
-        """Lets joints go on from elsewhere, as if they had been commanded to be there.
+        """Resets the last commands of some joints to their present positions.
 
-        For joints that were moved while they were limp: their next command is near where they
-        are, and far from the last one.
+        For joints that were moved while limp: their next command is near their present position
+        and far from the last command.
 
         Args:
-            context: This system's own.
-            joints: Their places among the n.
-            positions: Where they are, rad.
+            context: This system's context.
+            joints: Indices of the joints.
+            positions: Their present positions [rad].
         """
         state = context.get_mutable_discrete_state(self._state).get_mutable_value()
         rows = np.asarray(joints, dtype=int)
@@ -87,7 +87,7 @@ class JointCommandInterpolator(LeafSystem):
         state = context.get_discrete_state(self._state).value()
         command = self.command_input.Eval(context)
         before = state[: self._size] if state[-1] else command
-        way = command - before
+        change = command - before
         desired = output.get_mutable_value()
-        desired[: self._size] = before + float(state[-2]) * way
-        desired[self._size :] = way / self._period
+        desired[: self._size] = before + float(state[-2]) * change
+        desired[self._size :] = change / self._period

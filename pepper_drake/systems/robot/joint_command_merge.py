@@ -1,4 +1,4 @@
-"""One command for all joints, of the parts that are commanded by different systems."""
+"""Merges the commands of joint groups into one for all joints."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,10 +10,10 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class JointCommandMerge(LeafSystem):
-    """Merges the commands of joint groups; joints that no group commands stay where they are put.
+    """Merges the commands of joint groups; joints in no group are held at fixed positions.
 
-    Its output depends on its inputs alone, not on time (as that of Drake's Multiplexer does), so
-    that it is computed when a command changes and not at every step of the plant.
+    Unlike that of Drake's Multiplexer, its output depends on its inputs alone, not on time: it is
+    computed when a command changes and not at every step of the plant.
 
     .. pydrake_system::
 
@@ -28,8 +28,8 @@ class JointCommandMerge(LeafSystem):
     `BODY_JOINTS`.
 
     Args:
-        groups: Joint names of each group, by its name.
-        resting: Position of every joint by name [rad].
+        groups: Joint names by group name.
+        resting: Fixed position of every joint by name [rad].
     """
 
     def __init__(self, groups: Mapping[str, Sequence[str]], resting: Mapping[str, float]) -> None:

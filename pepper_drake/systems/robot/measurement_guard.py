@@ -1,4 +1,4 @@
-"""Impossible measurements are caught where they enter."""
+"""Rejects impossible measurements at the input."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class MeasurementGuard(LeafSystem):
-    """Passes a measured vector on; impossible elements keep their last possible values.
+    """Passes a measured vector through; impossible elements keep their last possible values.
 
     An element is impossible if it is not finite, or outside its range.
 
@@ -24,16 +24,16 @@ class MeasurementGuard(LeafSystem):
         - age
         - missing
 
-    Input: `measured` (n). Outputs: `measured` (n), each element the present one if it is
-    possible, else the last that was; `age` (1), time since all were possible at a tick [s], 0 while
-    they are; `missing` (1), the index of the first that is impossible, or -1.
+    Input: `measured` (n). Outputs: `measured` (n), each element the present one if possible, else
+    the last possible one; `age` (1), time since all were possible at a tick [s], 0 while they are;
+    `missing` (1), the index of the first impossible element, or -1.
     State: the last possible values (n), their age and the index (n + 2), at `time_step`.
 
     Args:
-        start: The values before any was measured (n,).
-        lower: Least possible values (n,).
+        start: Values before the first measurement (n,).
+        lower: Smallest possible values (n,).
         upper: Largest possible values (n,).
-        time_step: Period at which values are remembered [s].
+        time_step: Period at which values are stored [s].
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class MeasurementGuard(LeafSystem):
         time_step: float = 0.02,
     ) -> None:
         super().__init__()
-        # Finite limits: what is infinite is outside as what is not a number is.
+        # Finite limits, so that infinite values are rejected like NaN.
         self._lower, self._upper = np.nan_to_num(lower), np.nan_to_num(upper)
         first = np.atleast_1d(np.asarray(start, dtype=float))
         n = len(first)
@@ -72,13 +72,13 @@ class MeasurementGuard(LeafSystem):
             name, 1, calc, prerequisites_of_calc={self.discrete_state_ticket(self._state)}
         )
 
-    def _can_be(self, measured: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    def _are_possible(self, measured: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         return np.asarray((measured >= self._lower) & (measured <= self._upper))
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         state = context.get_discrete_state(self._state).value().copy()
         measured = self.measured_input.Eval(context)
-        finite = self._can_be(measured)
+        finite = self._are_possible(measured)
         state[: self._size][finite] = measured[finite]
         state[self._size] = 0.0 if finite.all() else state[self._size] + self._time_step
         state[self._size + 1] = -1.0 if finite.all() else float(np.argmin(finite))
@@ -86,17 +86,17 @@ class MeasurementGuard(LeafSystem):
 
     def _calc_measured(self, context: Context, output: BasicVector) -> None:
         measured = self.measured_input.Eval(context)
-        can_be = self._can_be(measured)
-        if not can_be.all():
+        possible = self._are_possible(measured)
+        if not possible.all():
             last = context.get_discrete_state(self._state).value()[: self._size]
-            measured = np.where(can_be, measured, last)
+            measured = np.where(possible, measured, last)
         output.SetFromVector(measured)
 
 
 class MeasurementAges(LeafSystem):
-    """Puts the ages of measurements side by side, anew only where one changes.
+    """Joins the ages of measurements into one vector, recomputed only when one changes.
 
-    Drake's Multiplexer depends on time as well, and with it all that is computed of the ages.
+    Drake's Multiplexer depends on time as well, which invalidates everything computed from it.
 
     .. pydrake_system::
 
@@ -107,7 +107,7 @@ class MeasurementAges(LeafSystem):
         output_ports:
         - age
 
-    Inputs: `age_0` and `age_1` (1), as of `MeasurementGuard` [s]. Output: `age` (2) [s].
+    Inputs: `age_0` and `age_1` (1), of `MeasurementGuard`s [s]. Output: `age` (2) [s].
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""A pose as vectors, as systems take it that compute with positions and quaternions."""
+"""A pose as vectors, for systems that compute with positions and quaternions."""
 
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
@@ -8,7 +8,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class PoseVectors(LeafSystem):
-    """Splits a pose.
+    """Splits a pose into position and orientation.
 
     .. pydrake_system::
 

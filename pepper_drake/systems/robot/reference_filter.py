@@ -1,4 +1,4 @@
-"""Follows a target that jumps, as that of a slider does, without jumping."""
+"""Smooths a target that jumps, such as a slider's."""
 
 import numpy as np
 import numpy.typing as npt
@@ -14,26 +14,26 @@ def step_follower(
 ) -> Vector:
     """Returns the state (2n,), position and velocity, one step closer to a target (n,).
 
-    A critically damped spring of frequency 2 / T whose wished velocity is limited,
+    A critically damped second-order filter of frequency 2 / T whose desired velocity w is limited,
     v' = 4 / T (w - v), w = (target - x) / T, |w| <= max_speed.
 
     Args:
         state: Position and velocity (2n,).
         target: (n,).
         time_constant: T [s].
-        max_speed: Of the n coordinates together, in their unit by s.
+        max_speed: Largest norm of the velocity, in the coordinates' unit per s.
         time_step: At most T / 4 [s].
     """
     n = len(target)
     position, velocity = state[:n], state[n:]
-    wish = (target - position) / time_constant
-    wish *= min(1.0, max_speed / max(float(np.linalg.norm(wish)), 1e-12))
-    velocity = velocity + 4.0 * time_step / time_constant * (wish - velocity)
+    desired = (target - position) / time_constant
+    desired *= min(1.0, max_speed / max(float(np.linalg.norm(desired)), 1e-12))
+    velocity = velocity + 4.0 * time_step / time_constant * (desired - velocity)
     return np.concatenate((position + time_step * velocity, velocity))
 
 
 class ReferenceFilter(LeafSystem):
-    """Moves an object to where a person wants it, smoothly; see `step_follower`.
+    """Moves an object smoothly to a position set by a person; see `step_follower`.
 
     .. pydrake_system::
 
@@ -47,9 +47,9 @@ class ReferenceFilter(LeafSystem):
     State: the same, at `time_step`.
 
     Args:
-        size: n.
+        size: Number n of coordinates.
         time_constant: [s].
-        max_speed: Of all coordinates together, in their unit by s.
+        max_speed: Largest norm of the velocity, in the coordinates' unit per s.
         time_step: [s].
     """
 

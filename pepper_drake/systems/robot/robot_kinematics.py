@@ -1,4 +1,4 @@
-"""Poses of torso, hands and cameras, by joint encoders and odometry."""
+"""Poses of torso, hands and cameras from joint encoders and odometry."""
 
 from collections.abc import Mapping
 
@@ -22,11 +22,11 @@ CAMERA_FRAMES = {
 def head_camera_pose(
     model: ControlModel, context: Context, name: str, cameras: Mapping[str, HeadCamera]
 ) -> RigidTransform:
-    """Returns a camera's X_WC: as it was calibrated, or else as in the model.
+    """Returns a camera's X_WC: as calibrated, or else as in the model.
 
     Args:
         model: Pepper's kinematics.
-        context: Of the model's plant.
+        context: Context of the model's plant.
         name: The station's name of the camera.
         cameras: The calibrated cameras by that name.
     """
@@ -38,8 +38,8 @@ def head_camera_pose(
 class RobotKinematics(LeafSystem):
     """Forward kinematics of the measured joints and of the base's odometry.
 
-    The same system serves the simulated and the real robot: it reads nothing but what the robot
-    measures itself.
+    The same system serves the simulated and the real robot: it reads only the robot's own
+    measurements.
 
     .. pydrake_system::
 
@@ -63,12 +63,12 @@ class RobotKinematics(LeafSystem):
     Inputs: `joint_position` (15), rad, in the order of `BODY_JOINTS`; `base_pose` (3), x and y in m
     and yaw in rad, in W.
     Outputs: `robot_position` (18), the control model's positions; `torso_pose` X_WT; the hands'
-    X_TH in the torso frame; the cameras' X_WC, all RigidTransform. The hands' poses come as
-    vectors, too: position (3), m, and unit quaternion w, x, y, z (4).
+    X_TH in the torso frame; the cameras' X_WC, all RigidTransform. The hands' poses are available
+    as vectors, too: position (3), m, and unit quaternion w, x, y, z (4).
 
     Args:
         model: Pepper.
-        cameras: Cameras that are mounted otherwise than in the model, by the station's name.
+        cameras: Cameras whose calibrated pose replaces the model's, by the station's name.
     """
 
     def __init__(

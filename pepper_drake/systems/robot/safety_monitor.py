@@ -1,4 +1,4 @@
-"""The last system before the robot: only commands that it may be given pass."""
+"""The last system before the robot: only safe commands pass."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ _NOT_MEASURED = (
 
 
 class SafetyMonitor(LeafSystem):
-    """Passes joint commands inside every limit; stops the robot, and says why, when it must.
+    """Passes joint commands within all limits; stops the robot if necessary, with a reason.
 
-    A stop is latched. The joints brake within their acceleration limits and stay; a joint that
-    did not follow its command sends all of them back to where they were a moment before. Stops
-    come from the command itself (`planning.safety.command_check.check_command`), from a link that
-    moves closer to an obstacle than `minimum_clearance`, from a joint that does not follow
-    (`planning.safety.contact_detection`), from measurements that do not come, and from
+    A stop is latched. The joints brake within their acceleration limits and stay; after a joint
+    failed to follow its command, all return to their positions of a moment before. A stop is caused
+    by an invalid command (`planning.safety.command_check.check_command`), by a link that moves
+    closer to an obstacle than `minimum_clearance`, by a joint that does not follow
+    (`planning.safety.contact_detection`), by a base that is held, by missing measurements, and by
     `stop_request`.
 
     .. pydrake_system::
@@ -59,27 +59,28 @@ class SafetyMonitor(LeafSystem):
         - stop_reason
         - stop_joint
 
-    Inputs: `joint_position_command` and `joint_position`, measured (n) [rad]; `clearance` (1), to
-    which the arm's own motion leads, and `body_clearance` (1), the rest of the robot's [m];
-    `measurement_age` (2), time since joints and base were last measured, and `goal_gap` (1), since
-    the goal's estimate was a number [s]; `missing_joint` (1), the index of the joint that is not
-    measured; `base_held` (1), 0 or 1; `stop_request` (1), 0 or 1; `reset` (1), a number: when it
-    changes, a stop is lifted at the next tick and the commands go on from where the joints are;
-    `limp` (1), 1 while joints are led by hand: commands that follow them are not judged.
+    Inputs: `joint_position_command` and `joint_position`, measured (n) [rad]; `clearance` (1),
+    that of the arm if its own motion reduces it, and `body_clearance` (1), that of the rest of the
+    robot [m]; `measurement_age` (2), time since joints and base were last measured, and `goal_gap`
+    (1), since the goal's estimate was last finite [s]; `missing_joint` (1), the index of the joint
+    without a measurement; `base_held` (1), 0 or 1; `stop_request` (1), 0 or 1; `reset` (1), a
+    number: when it changes, the stop is reset at the next tick and commands continue from the
+    measured positions; `limp` (1), 1 while joints are moved by hand: commands, which then follow
+    the joints, are not checked.
     Outputs: `safe_joint_position_command` (n) [rad]; `stop_reason` (1), a `StopReason`;
-    `stop_joint` (1), the index of the joint that it is about, or -1.
-    State: a `SafeCommand` as numbers (`SafeCommandLayout`) and the last `reset`, at `time_step`;
-    from the measured position when the diagram is initialized, in a context that never was from the
-    first command that is within the limits.
+    `stop_joint` (1), the index of the joint that caused it, or -1.
+    State: a `SafeCommand` as numbers (`SafeCommandLayout`) and the last `reset`, at `time_step`. It
+    starts from the measured position at initialization; in an uninitialized context from the first
+    command within the limits.
 
     Args:
-        limits: Of the joints.
-        start_position: Where the joints are before all that (n,) [rad].
+        limits: Limits of the joints.
+        start_position: Positions before that (n,) [rad].
         minimum_clearance: Distance of a link to an obstacle at which the robot stops [m].
-        contact: What counts as a joint that does not follow; None for joints that may be moved by
+        contact: Detection of a joint that does not follow; None for joints that may be moved by
             hand.
-        longest_gap: How long measurements and estimates may fail to come [s].
-        catch_time: Time for joints that were led by hand to come to rest [s].
+        longest_gap: Longest tolerated gap in measurements and estimates [s].
+        catch_time: Time for joints that were moved by hand to come to rest [s].
         time_step: Control period [s].
     """
 
@@ -117,7 +118,7 @@ class SafetyMonitor(LeafSystem):
         self._state = self.DeclareDiscreteState(self._layout.to_vector(start))
         self._resets = self.DeclareDiscreteState(1)
         state = self.discrete_state_ticket(self._state)
-        # The measured position is read at the ticks alone: it changes with every step of a plant.
+        # The measured position is read only at ticks: it changes with every step of the plant.
         self._next = self.DeclareCacheEntry(
             "command of the present tick",
             ValueProducer(allocate=lambda: Value[object](start), calc=self._calc_next),
@@ -146,7 +147,7 @@ class SafetyMonitor(LeafSystem):
         self.DeclareVectorOutputPort(
             "stop_joint", 1, self._calc_joint, prerequisites_of_calc={self._next.ticket()}
         )
-        # Unrestricted updates come first: who holds the command finds the measured position.
+        # Unrestricted updates come first: a hold of the command gets the measured position.
         self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
@@ -163,11 +164,11 @@ class SafetyMonitor(LeafSystem):
         return EventStatus.Succeeded()
 
     def _scalar(self, context: Context, port: InputPort, otherwise: float) -> float:
-        """The first value at an optional port."""
+        """Returns the first value at an optional port."""
         return float(port.Eval(context)[0]) if port.HasValue(context) else otherwise
 
-    def _judge(self, context: Context, command: SafeCommand) -> StopReason:
-        """The reason why the robot has to stop now, if there is one."""
+    def _find_stop_reason(self, context: Context, command: SafeCommand) -> StopReason:
+        """Returns the reason why the robot has to stop now, NONE if it need not."""
         if self._scalar(context, self.stop_request_input, 0.0) > 0.5:
             return StopReason.REQUESTED
         ages = [0.0, 0.0]
@@ -197,7 +198,7 @@ class SafetyMonitor(LeafSystem):
                 command.position if first != StopReason.NONE else wish.copy()
             )
         if command.reason == StopReason.NONE:
-            reason = self._judge(context, command)
+            reason = self._find_stop_reason(context, command)
             joint = -1.0
             if reason == StopReason.JOINTS_NOT_MEASURED:
                 joint = self._scalar(context, self.missing_joint_input, -1.0)
@@ -215,13 +216,13 @@ class SafetyMonitor(LeafSystem):
         if resets != before:
             command = SafeCommand.at_rest(measured, round(self._catch_time / self._time_step))
         elif self._contact is not None and not is_led:
-            # What stands in for a measurement that did not come is no witness of a contact.
+            # A value substituted for a missing measurement must not be taken for a contact.
             stale = self._is_stale(context)
             command = command.compared(None if stale else measured, self._contact, self._time_step)
         state.set_value(self._state, self._layout.to_vector(command))
 
     def _is_stale(self, context: Context) -> bool:
-        """True if the joints were not measured at this tick."""
+        """Tells whether the joints were not measured at this tick."""
         port = self.measurement_age_input
         return port.HasValue(context) and not float(port.Eval(context)[0]) <= 0.5 * self._time_step
 

@@ -1,4 +1,4 @@
-"""The true force between Pepper and what it touches, which no real robot knows."""
+"""The true contact forces on Pepper, which a real robot cannot know."""
 
 from collections.abc import Set
 
@@ -24,9 +24,9 @@ class TouchMonitor(LeafSystem):
         output_ports:
         - force
 
-    Input: `contact_results`, the plant's. Output: `force` (2) [N]: the sum of the contact forces'
-    sizes between robot and obstacles, and between robot and goal object. State: the same, every
-    `time_step`.
+    Input: `contact_results`, the plant's. Output: `force` (2) [N]: the sums of the magnitudes of
+    the contact forces between robot and obstacles, and between robot and goal object. State: the
+    same, every `time_step`.
 
     Args:
         robot: Indices of Pepper's bodies.

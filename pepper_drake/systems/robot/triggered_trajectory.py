@@ -1,4 +1,4 @@
-"""A motion that begins when something else does."""
+"""A trajectory that starts on a trigger."""
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, InputPort
@@ -8,7 +8,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class TriggeredTrajectory(LeafSystem):
-    """Plays a trajectory from the moment its trigger is first set; before, it stays at the start.
+    """Plays a trajectory from when its trigger is first set; until then it stays at the start.
 
     .. pydrake_system::
 
@@ -19,11 +19,11 @@ class TriggeredTrajectory(LeafSystem):
         - desired_state
 
     Input: `trigger` (1), 0 or 1. Output: `desired_state` (2 n), value and rate of the trajectory.
-    State: the same, and the time of the trigger, s (NaN before), at `time_step`.
+    State: the same, and the time of the trigger [s] (NaN before), at `time_step`.
 
     Args:
         path: A trajectory of n rows, from time 0.
-        time_step: s.
+        time_step: [s].
     """
 
     def __init__(self, path: Trajectory, *, time_step: float = 0.01) -> None:

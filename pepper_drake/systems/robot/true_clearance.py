@@ -1,4 +1,4 @@
-"""The true distance between Pepper and the obstacles, which no real robot knows."""
+"""The true distance between Pepper and the obstacles, which a real robot cannot know."""
 
 import operator
 from collections.abc import Set
@@ -24,17 +24,17 @@ class TrueClearance(LeafSystem):
         output_ports:
         - clearance
 
-    Input: `query`, the scene graph's QueryObject. Output: `clearance` (1), m, negative in
-    penetration, at most `max_distance`. State: the least distance at each `time_step`, and how
-    many steps nothing can come near in: as long as everything is beyond `max_distance`, only every
-    so many steps are looked at that nothing at `max_speed` could have touched meanwhile (2).
+    Input: `query`, the scene graph's QueryObject. Output: `clearance` (1) [m], negative in
+    penetration, at most `max_distance`. State: the smallest distance, every `time_step`, and the
+    number of steps that can be skipped (2): while everything is beyond `max_distance`, no contact
+    at `max_speed` is possible in so many steps.
 
     Args:
         robot: Pepper's collision geometries.
         obstacles: The obstacles' collision geometries.
         max_distance: Distances beyond this are reported as this [m].
-        max_speed: At which a link and an obstacle approach each other at most [m/s].
-        time_step: s.
+        max_speed: Largest speed at which a link and an obstacle approach each other [m/s].
+        time_step: [s].
     """
 
     def __init__(
@@ -49,9 +49,9 @@ class TrueClearance(LeafSystem):
         super().__init__()
         self._robot, self._obstacles = frozenset(robot), frozenset(obstacles)
         self._max_distance = max_distance
-        self._most_per_step = max_speed * time_step
+        self._max_approach = max_speed * time_step
         self.query_input: InputPort = self.DeclareAbstractInputPort("query", Value(QueryObject()))
-        self._free_steps = max(int(max_distance / (max_speed * time_step)) - 1, 0)
+        self._skipped_steps = max(int(max_distance / (max_speed * time_step)) - 1, 0)
         self._clearance = self.DeclareDiscreteState([max_distance])
         self._remaining = self.DeclareDiscreteState(1)
         self.DeclareStateOutputPort("clearance", self._clearance)
@@ -63,17 +63,17 @@ class TrueClearance(LeafSystem):
             discrete_state.set_value(self._remaining, [remaining - 1])
             return
         query = self.query_input.Eval(context)
-        # Few pairs are within what was nearest and what it can have come nearer.
+        # Only few pairs are within the last distance plus the largest approach in one step.
         last = float(context.get_discrete_state(self._clearance).value()[0])
-        nearest = self._nearest(query, max(last, 0.0) + self._most_per_step)
+        nearest = self._nearest(query, max(last, 0.0) + self._max_approach)
         if nearest is None:
             nearest = self._nearest(query, self._max_distance)
         distance = self._max_distance if nearest is None else nearest.distance
         discrete_state.set_value(self._clearance, [distance])
-        discrete_state.set_value(self._remaining, [self._free_steps if nearest is None else 0])
+        discrete_state.set_value(self._remaining, [self._skipped_steps if nearest is None else 0])
 
     def closest_pair(self, query: QueryObject) -> tuple[float, str]:
-        """The least distance, m, and the names of the two shapes as "link - obstacle"."""
+        """Returns the smallest distance [m] and the two shapes' names as "link - obstacle"."""
         nearest = self._nearest(query, self._max_distance)
         if nearest is None:
             return self._max_distance, ""
@@ -84,9 +84,9 @@ class TrueClearance(LeafSystem):
         return nearest.distance, " - ".join(names)
 
     def _nearest(self, query: QueryObject, within: float) -> SignedDistancePair | None:
-        """The nearest link and obstacle, if any are within a distance [m], or the largest."""
+        """Returns the nearest link and obstacle within a distance [m], at most `max_distance`."""
         pairs = query.ComputeSignedDistancePairwiseClosestPoints(min(within, self._max_distance))
-        # Most distant pairs are never asked what they are, which takes longer than to sort them.
+        # Sorting first is faster: most distant pairs then need no look-up of their bodies.
         for pair in sorted(pairs, key=operator.attrgetter("distance")):
             ids = (pair.id_A, pair.id_B)
             if not (self._robot.isdisjoint(ids) or self._obstacles.isdisjoint(ids)):
@@ -95,7 +95,7 @@ class TrueClearance(LeafSystem):
 
 
 def _plain_name(inspector: SceneGraphInspector, geometry: GeometryId) -> str:
-    """The body's name, and which shape of it where the shape has a name of its own."""
+    """Returns the body's name, with that of the shape if it has one of its own."""
     frame = inspector.GetFrameId(geometry)
     body, shape = (
         name.rpartition("::")[2] for name in (inspector.GetName(frame), inspector.GetName(geometry))

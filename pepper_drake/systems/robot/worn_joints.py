@@ -1,4 +1,4 @@
-"""Latency and backlash between a command and the joint of a used robot."""
+"""Latency and backlash between the command and the joint of a worn robot."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class CommandLatency(LeafSystem):
-    """Hands commands on a number of control periods later.
+    """Delays commands by a number of control periods.
 
-    Drake's DiscreteTimeDelay gives zeros at first, which for joints is a command.
+    Drake's DiscreteTimeDelay outputs zeros at first, which joints would take for a command.
 
     .. pydrake_system::
 
@@ -22,8 +22,8 @@ class CommandLatency(LeafSystem):
         output_ports:
         - delayed_command
 
-    Input and output: (n). State: the commands that are on their way (steps n), at `time_step`;
-    those of the start are the first command, in a context that was never initialized `start`.
+    Input and output: (n). State: the queue of commands (steps n), at `time_step`; it is filled with
+    the first command at initialization, with `start` in an uninitialized context.
 
     Args:
         start: A command (n,).
@@ -63,8 +63,8 @@ class CommandLatency(LeafSystem):
 class JointBacklash(LeafSystem):
     """Slack between motors and joints: the play operator, with its hysteresis.
 
-    A joint stays where it is until the motor has crossed the slack, then goes with it half of the
-    slack behind (Nordin and Gutman 2002, doi 10.1016/S0005-1098(02)00047-X).
+    A joint stays in place until the motor has crossed the slack, then follows it half the slack
+    behind (Nordin and Gutman 2002, doi 10.1016/S0005-1098(02)00047-X).
 
     .. pydrake_system::
 
@@ -76,14 +76,14 @@ class JointBacklash(LeafSystem):
         - gap
 
     Input: `motor_state` (2 n), the desired positions and velocities of the motors [rad, rad/s].
-    Outputs: `joint_state` (2 n), those of the joints: with no velocity while the slack is crossed;
-    `gap` (n), by how much the motors are ahead of the joints [rad].
+    Outputs: `joint_state` (2 n), those of the joints: with zero velocity while the slack is
+    crossed; `gap` (n), the motors' lead over the joints [rad].
     State: the joints' positions (n) and whether they are known, at `time_step`.
 
     Args:
         backlash: Slack from end to end (n,) [rad].
-        time_step: Period at which the positions are remembered [s].
-        offset: Of the first update [s].
+        time_step: Period at which the positions are stored [s].
+        offset: Time of the first update [s].
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class JointBacklash(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, offset, self._update)
 
     def _joints(self, context: Context) -> npt.NDArray[np.float64]:
-        """Present positions of the joints (n,)."""
+        """Returns the present positions of the joints (n,)."""
         motors = self.motor_input.Eval(context)[: self._size]
         state = context.get_discrete_state(self._state).value()
         if not state[-1]:
@@ -115,10 +115,10 @@ class JointBacklash(LeafSystem):
 
     def _calc_joints(self, context: Context, output: BasicVector) -> None:
         motors, joints = self.motor_input.Eval(context), self._joints(context)
-        behind = motors[: self._size] - joints
+        lag = motors[: self._size] - joints
         velocity = motors[self._size :]
-        # Only a motor that leans on the side to which it turns takes the joint along.
-        pushes = (np.abs(behind) >= self._half - 1e-9) & (behind * velocity >= 0.0)
+        # The motor drives the joint only in contact with the side towards which it turns.
+        pushes = (np.abs(lag) >= self._half - 1e-9) & (lag * velocity >= 0.0)
         output.SetFromVector(np.concatenate((joints, np.where(pushes, velocity, 0.0))))
 
     def _calc_gap(self, context: Context, output: BasicVector) -> None:

@@ -1,1 +1,1 @@
-"""LeafSystems of cameras, goal, cloud and gaze."""
+"""LeafSystems for cameras, goal, cloud and gaze."""

@@ -1,4 +1,4 @@
-"""Renders camera images on a thread of its own, while the simulation goes on."""
+"""Renders camera images on a separate thread while the simulation continues."""
 
 import threading
 import weakref
@@ -29,8 +29,8 @@ _RENDERER = "vtk"
 class _RenderingDiagram:
     """Pepper in a scene as pure geometry, with cameras; belongs to the thread that made it.
 
-    Rendering happens inside `Simulator.AdvanceTo`, because that lets other Python threads run;
-    evaluating the sensor's port does not.
+    Rendering happens inside `Simulator.AdvanceTo` because that releases the GIL; evaluating the
+    sensor's port does not.
     """
 
     def __init__(self, scene: Scene, cameras: Mapping[str, tuple[HeadCamera, str]]) -> None:
@@ -54,7 +54,7 @@ class _RenderingDiagram:
             sensor = builder.AddSystem(RgbdSensor(head, camera.X_HeadC, color, depth))
             builder.Connect(scene_graph.get_query_output_port(), sensor.query_object_input_port())
             is_color = kind == "color"
-            # Each camera has a second of its own in which it takes its picture.
+            # Each camera samples in its own second of the diagram's time.
             image = builder.AddSystem(
                 ZeroOrderHold(
                     period_sec=len(cameras),
@@ -75,16 +75,16 @@ class _RenderingDiagram:
         self._rounds = 0
 
     def __del__(self) -> None:
-        """Frees the renderer, on this thread."""
+        """Frees the renderer on this thread."""
         self._images.clear()
         release(self._diagram, self._plant)
 
     def default_positions(self) -> npt.NDArray[np.float64]:
-        """Positions of the plant that it was made with."""
+        """Returns the plant's default positions."""
         return self._plant.GetPositions(self._plant.CreateDefaultContext())
 
     def render(self, camera: str, positions: npt.NDArray[np.float64]) -> Pixels:
-        """Renders what a camera sees (height, width, channels)."""
+        """Renders a camera's image (height, width, channels)."""
         offset, image = self._images[camera]
         context: Context = self._simulator.get_mutable_context()
         self._diagram.GetInputPort("positions").FixValue(context, positions)
@@ -97,13 +97,13 @@ class _RenderingDiagram:
 
 
 class AsyncRenderer:
-    """Renderer of the head cameras' images, in the order asked for, on one thread.
+    """Renders the head cameras' images on one thread, in the order of the requests.
 
     An image depends on the camera and the positions alone, so simulations may share a renderer.
 
     Args:
         scene: The scene.
-        cameras: By name: the camera, and whether "color" or "depth" is wanted of it.
+        cameras: By name: the camera and the kind of image, "color" or "depth".
     """
 
     def __init__(self, scene: Scene, cameras: Mapping[str, tuple[HeadCamera, str]]) -> None:
@@ -111,15 +111,15 @@ class AsyncRenderer:
         self._executor = executor
         self._started = executor.submit(_start, scene, cameras)
         self._prepared: list[Future[object]] = []
-        # Python ends the threads of executors by itself when the program ends.
+        # At exit Python itself ends the threads of executors.
         weakref.finalize(self, executor.shutdown, wait=False).atexit = False
 
     def prepare(self, work: Callable[[], object]) -> None:
-        """Has something done on the thread before it counts as ready."""
+        """Runs a function on the thread before it counts as ready."""
         self._prepared.append(self._executor.submit(work))
 
     def wait_until_ready(self) -> None:
-        """Waits until the scene is built, the shaders are compiled, and all is prepared."""
+        """Waits until the scene is built, the shaders are compiled, and `prepare` has finished."""
         self._started.result()
         for work in self._prepared:
             work.result()
@@ -129,7 +129,7 @@ class AsyncRenderer:
 
         Args:
             camera: Its name.
-            positions: Of a plant with Pepper and then the scene.
+            positions: Positions of a plant with Pepper and then the scene.
 
         Returns:
             The image: ImageRgba8U's pixels (height, width, 4), or depths (height, width, 1) [m].
@@ -137,24 +137,24 @@ class AsyncRenderer:
         started = self._started
 
         def render() -> Pixels:
-            started.result()  # Or the reason why there is no renderer.
-            return _OF_THREAD.rendering.render(camera, positions)
+            started.result()  # Raises if the renderer failed to start.
+            return _THREAD_LOCAL.rendering.render(camera, positions)
 
         return ImageFuture(self._executor.submit(render), self._executor)
 
 
-class _OfThread(threading.local):
+class _ThreadLocal(threading.local):
     """Objects freed on their own thread when it ends: OpenGL demands it."""
 
     rendering: _RenderingDiagram
 
 
-_OF_THREAD = _OfThread()
+_THREAD_LOCAL = _ThreadLocal()
 
 
 def _start(scene: Scene, cameras: Mapping[str, tuple[HeadCamera, str]]) -> None:
-    """Makes the rendering diagram and compiles its shaders, which takes longest."""
+    """Makes the rendering diagram and compiles its shaders, which takes most of the time."""
     rendering = _RenderingDiagram(scene, cameras)
     for camera in cameras:
         rendering.render(camera, rendering.default_positions())
-    _OF_THREAD.rendering = rendering
+    _THREAD_LOCAL.rendering = rendering

@@ -1,4 +1,4 @@
-"""A camera's sensor whose images are rendered while the simulation goes on."""
+"""A camera whose images are rendered while the simulation continues."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class AsyncRgbdSensor(LeafSystem):
-    """Starts rendering what a camera sees when its output is evaluated.
+    """Starts rendering a camera's image when its output is evaluated.
 
     .. pydrake_system::
 
@@ -22,15 +22,15 @@ class AsyncRgbdSensor(LeafSystem):
         output_ports:
         - image
 
-    `positions` are the true ones of everything that moves; `image` is the ImageFuture, ready for
-    a CameraModel made for images from the background. It is Drake's RgbdSensorAsync for cameras
-    that are asked only now and then: what nobody asks for is not rendered.
+    `positions` are the true positions of everything that moves; `image` is an ImageFuture, for a
+    CameraModel with `background` set. Unlike Drake's RgbdSensorAsync it renders only images that
+    are requested.
 
     Stateless; `image` feeds through.
 
     Args:
         render: Starts rendering for the positions (n,).
-        num_positions: n.
+        num_positions: Number n of positions.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""A camera as the robot has it: its own rate, lens, noise, and a time stamp on every image."""
+"""Model of a real camera: frame rate, lens, noise, latency and time stamps."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ from pepper_drake.systems.framework import LeafSystem
 
 @dataclass(frozen=True)
 class Frame:
-    """One captured image with all that was measured when it was taken. Never changed once made.
+    """A captured image with the measurements made at the same time; immutable.
 
     Attributes:
-        image: Pixels (height, width, channels), none when no image was taken yet.
-        time: When it was taken [s]; minus infinity when none was taken yet.
-        number: How many images were taken before it.
+        image: Pixels (height, width, channels), empty before the first capture.
+        time: Capture time [s]; minus infinity before the first capture.
+        number: Number of frames up to and including this one; 0 before the first capture.
         X_WC: The camera's measured pose.
         position: The robot's measured joint positions, (n,).
     """
@@ -63,7 +63,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class _Frames:
-    """The frame that is out, and the one that was captured last and may still be under way."""
+    """The published frame, and the one captured last, which may not be published yet."""
 
     out: Frame
     captured: Frame
@@ -73,7 +73,7 @@ class _Frames:
 
 
 class CameraModel(LeafSystem):
-    """Captures rendered images at the camera's rate and spoils them as the real sensor does.
+    """Captures rendered images at the camera's rate and degrades them as the real sensor does.
 
     .. pydrake_system::
 
@@ -90,31 +90,30 @@ class CameraModel(LeafSystem):
         - position
 
     `image` is an RgbdSensor's `color_image` (ImageRgba8U) or `depth_image_32f` (ImageDepth32F), or
-    a AsyncRgbdSensor's ImageFuture. It is evaluated at captures only, and not at all while
-    `enabled` is zero, so that nothing is rendered that nobody looks at. `X_WC` (RigidTransform) and
-    `position` (the robot's measured joints) are captured with the image and published with it:
-    who uses the image can tell where the camera was when it was taken. A camera whose `X_WC` is
-    unconnected reports the identity.
+    an AsyncRgbdSensor's ImageFuture. It is evaluated at captures only, and not at all while
+    `enabled` is zero, so that no unused image is rendered. `X_WC` (RigidTransform) and `position`
+    (the robot's measured joints) are captured and published with the image, so that consumers know
+    the camera's pose at the time of capture. If `X_WC` is unconnected, it is the identity.
 
     `color_image` is an ImageRgba8U, `depth_image` an ImageDepth16U in whole millimetres with 0
-    where nothing came back. Before the first capture they are empty (0x0) and `time_stamp` is
-    minus infinity. An empty image at the input counts as a dropped frame: the last one stays.
+    for holes. Before the first capture they are empty (0x0) and `time_stamp` is minus infinity. An
+    empty image at the input counts as a dropped frame: the last one stays.
 
-    An image is out `latency` after its capture, as a real camera's that has to be read out and
-    sent; so long a renderer in the background has time.
+    An image is published `latency` after its capture, the time that a real camera needs for readout
+    and transmission; a background renderer has this time to finish.
 
-    State: the frame that is out and the one captured last (abstract). Events: two periodic
-    unrestricted updates, one to capture and one to hand out.
+    State: the frame published and the one captured last (abstract). Events: two periodic
+    unrestricted updates, one to capture and one to publish.
 
     Args:
         intrinsics: The camera; its distortion is applied to colour images.
         kind: "color" or "depth".
         period: Time between images [s].
         offset: Time of the first image [s].
-        latency: From an image's capture until it is out [s]; less than the period.
-        background: Whether the input `image` is a ImageFuture.
-        noise: The sensor's noise; a ColorNoise or DepthNoise with its defaults when left out.
-        seed: Seed of the noise; together with the frame's number it decides the noise.
+        latency: Time from an image's capture to its publication [s]; less than the period.
+        background: Whether the input `image` is an ImageFuture.
+        noise: The sensor's noise; a ColorNoise or DepthNoise with its defaults if omitted.
+        seed: Seed of the noise, together with the frame's number.
         num_positions: Size of the input `position`.
     """
 
@@ -187,25 +186,25 @@ class CameraModel(LeafSystem):
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._capture)
         if latency > 0.0:
-            self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset + latency, self._hand_out)
+            self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset + latency, self._publish)
 
     def get_image_input_port(self) -> InputPort:
-        """The rendered image."""
+        """Returns the input port of the rendered image."""
         return self._image
 
     def prepare(self) -> None:
-        """Computes what all images have in common, the sensor's noise, before the first."""
+        """Computes the noise pattern common to all images ahead of the first."""
         channels = 4 if isinstance(self._noise, ColorNoise) else 1
         shape = (self.intrinsics.height, self.intrinsics.width, channels)
         pixels = np.zeros(shape, np.uint8 if channels == 4 else np.float32)
         self._degrade(pixels, RigidTransform(), number=0)
 
     def get_image_output_port(self) -> OutputPort:
-        """The captured image."""
+        """Returns the output port of the captured image."""
         return self._image_out
 
     def last_frame(self, context: Context) -> Frame:
-        """Returns the last frame that is out in this context."""
+        """Returns the published frame in this context."""
         return self._get_frames(context).out
 
     def _get_frames(self, context: Context) -> _Frames:
@@ -237,7 +236,7 @@ class CameraModel(LeafSystem):
         return EventStatus.Succeeded()
 
     def _degrade(self, pixels: Pixels, X_WC: RigidTransform, number: int) -> Pixels:
-        """Image of the sensor for one rendered from a pose; the number decides its noise."""
+        """Degrades an image rendered from a pose; the frame's number seeds its noise."""
         image: Pixels
         if isinstance(self._noise, ColorNoise):
             image = apply_color_noise(
@@ -253,7 +252,7 @@ class CameraModel(LeafSystem):
         image.setflags(write=False)
         return image
 
-    def _hand_out(self, context: Context, state: State) -> EventStatus:
+    def _publish(self, context: Context, state: State) -> EventStatus:
         frames = self._get_frames(context)
         if frames.out is frames.captured:
             return EventStatus.DidNothing()
@@ -276,7 +275,7 @@ class CameraModel(LeafSystem):
 
 
 def fill_image(image: Any, pixels: npt.NDArray[Any]) -> None:
-    """Gives a Drake image pixels (height, width, channels), and their size; none are none."""
+    """Sets a Drake image's size and pixels (height, width, channels); both may be empty."""
     height, width = pixels.shape[:2]
     if (image.width(), image.height()) != (width, height):
         image.resize(width, height)

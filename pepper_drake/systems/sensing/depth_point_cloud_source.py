@@ -1,4 +1,4 @@
-"""The obstacles that the depth camera has seen, as a cloud in the world and the torso frame."""
+"""The obstacles seen by the depth camera, as point clouds in the world and the torso frame."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class DepthPointCloudSource(LeafSystem):
-    """Turns depth images into a cloud of obstacles that is remembered in the world frame.
+    """Accumulates depth images into a point cloud of obstacles in the world frame.
 
     .. pydrake_system::
 
@@ -55,39 +55,38 @@ class DepthPointCloudSource(LeafSystem):
         - fault
 
     `depth_image` (ImageDepth16U, whole millimetres), `time_stamp` [s], `X_WC` and `position` (the
-    robot's joints, for cutting its own body out) come from a CameraModel and belong to the moment
-    of the image. The system looks for a new time stamp every `period` and works only when there is
-    one. An image that is no image is passed over: empty, of another size, blank, all of one value,
-    with the pixels of the last, older than the last or dated in the future, or in contradiction to
-    the floor or to what was seen before (see `perception.mapping.depth_validity`). Of the goal
-    object the last pose that was valid is used; its `object_velocity` widens the margin around it
-    while it moves.
+    robot's joints, for removing its own body) come from a CameraModel and belong to the time of
+    capture. The system checks for a new time stamp every `period` and does nothing without one.
+    Invalid images are skipped: empty, of another size, blank, uniform, identical to the last, older
+    than the last or dated in the future, or in contradiction to the floor or to earlier images (see
+    `perception.mapping.depth_validity`). The last valid pose of the goal object is used;
+    `object_velocity` widens the margin around it while it moves.
 
-    `cloud` (PointCloud with normals, in W) and `cloud_torso` (what of it is near, in T) depend on
-    the state alone, so whatever a consumer computes from them stays cached until the next image, or
-    until the torso has moved by 2 mm. Points are means of voxels; normals are NaN where unknown.
-    `predicted_cloud` (PointCloud in W, whose z = 0 is the floor) is where things that move will be
-    soon, and where something may be that is too near to be measured, see
-    `perception.mapping.dynamic_obstacle_tracker`; none while the torso moves.
-    `predicted_cloud_torso` is what of it is near, in T.
-    `space` (`SeenSpace`) tells of all places whether they are free, occupied or unknown, and when
-    that was seen; without images all is unknown.
+    `cloud` (PointCloud with normals, in W) and `cloud_torso` (its points near the torso, in T)
+    depend on the state alone, so whatever a consumer computes from them stays cached until the next
+    image, or until the torso has moved by 2 mm. Points are means of voxels; normals are NaN where
+    unknown. `predicted_cloud` (PointCloud in W, whose z = 0 is the floor) has the predicted
+    positions of moving obstacles, and possible obstacles below the camera's minimum range, see
+    `perception.mapping.dynamic_obstacle_tracker`; it is empty while the torso moves.
+    `predicted_cloud_torso` has its points near the torso, in T.
+    `space` (`SeenSpace`) tells where space is free, occupied or unknown, and when that was seen;
+    without images all is unknown.
     `time_stamp` [s] is that of the last image used, minus infinity before the first; `age` [s] is
     the time since then, infinite before the first. `fault` is the `DepthFault` of the last image
-    that came, 0 if it was used.
+    received, 0 if it was used.
 
-    State: voxel map, clouds and things that move (abstract).
+    State: voxel map, clouds and moving obstacles (abstract).
     Event: one periodic unrestricted update.
 
     Args:
         robot: The robot's collision shapes; without them its body is taken for an obstacle.
-        marked: The goal object, which is cut out by its shape.
+        marked: The goal object, removed by its shape.
         intrinsics: The depth camera.
-        parameters: How obstacles are seen and remembered.
+        parameters: Detection and memory of obstacles.
         torso_range: `cloud_torso` has the points within this distance of the torso [m]: twice an
             arm's reach.
-        period: Time between looks for a new image [s].
-        offset: Time of the first look [s]; after the camera's.
+        period: Time between checks for a new image [s].
+        offset: Time of the first check [s]; after the camera's.
 
     Examples:
         >>> from pydrake.math import RollPitchYaw
@@ -98,7 +97,7 @@ class DepthPointCloudSource(LeafSystem):
         >>> camera = CAMERA_DEPTH.intrinsics
         >>> wall = ImageDepth16U(camera.width, camera.height)
         >>> wall.mutable_data[:] = 1000  # mm
-        >>> wall.mutable_data[0, 0] = 0  # An image all of one value is a broken camera's.
+        >>> wall.mutable_data[0, 0] = 0  # A uniform image counts as a camera fault.
         >>> forward = RollPitchYaw(-np.pi / 2, 0.0, -np.pi / 2)
         >>> _ = source.GetInputPort("depth_image").FixValue(context, wall)
         >>> _ = source.GetInputPort("time_stamp").FixValue(context, [0.0])
@@ -165,7 +164,7 @@ class DepthPointCloudSource(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._look)
 
     def voxels(self, context: Context) -> VoxelMap:
-        """Returns what is remembered in this context."""
+        """Returns the voxel map in this context."""
         return self._get_memory(context).voxels
 
     def _get_memory(self, context: Context) -> ObstacleMemory:
@@ -184,7 +183,7 @@ class DepthPointCloudSource(LeafSystem):
         return EventStatus.DidNothing()
 
     def _near(self, surface: SurfacePoints, X_WT: RigidTransform) -> SurfacePoints:
-        """The points that are within reach of whoever uses the cloud in the torso frame."""
+        """Selects the points within `torso_range` of the torso."""
         offset = surface.positions - X_WT.translation().astype(surface.positions.dtype)
         near = np.einsum("ij,ij->i", offset, offset) <= self._torso_range**2
         return SurfacePoints(surface.positions[near], surface.normals[near])
@@ -196,8 +195,8 @@ class DepthPointCloudSource(LeafSystem):
         if stamp == memory.stamp or stamp == -np.inf:
             return memory
         if not memory.stamp < stamp <= context.get_time():
-            is_told = memory.fault == DepthFault.LATE
-            return memory if is_told else replace(memory, fault=DepthFault.LATE)
+            is_reported = memory.fault == DepthFault.LATE
+            return memory if is_reported else replace(memory, fault=DepthFault.LATE)
         image = DepthImage(
             self._image.Eval(context).data,
             stamp,

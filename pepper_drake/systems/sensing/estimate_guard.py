@@ -1,4 +1,4 @@
-"""Estimates that are no numbers, or senseless ones, are caught before anybody acts on them."""
+"""Rejects estimates that are not finite or not plausible before they are used."""
 
 from dataclasses import dataclass
 
@@ -18,15 +18,15 @@ from pydrake.systems.framework import (
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
 
 _FARTHEST = 12.0
-"""No depth camera of the robot's sees farther [m]."""
+"""A distance beyond the range of all depth cameras [m]."""
 _FARTHEST_GOAL = 100.0
-"""No goal is so far from where the robot began [m]."""
+"""Distance from the world's origin at which a goal is implausible [m]."""
 _LARGEST_SHARE = 0.02
-"""A cloud with a larger share of senseless points is none."""
+"""A cloud with a larger fraction of implausible points is rejected."""
 
 
 class PoseGuard(LeafSystem):
-    """Passes a pose on; while its position is not finite, or far away, the last other is given.
+    """Passes a pose through; while it is not finite or far away, outputs the last valid pose.
 
     .. pydrake_system::
 
@@ -37,8 +37,8 @@ class PoseGuard(LeafSystem):
         - pose
         - age
 
-    Input and output: `pose`, a RigidTransform; `age` (1), time since the pose was finite at a tick
-    [s], 0 while it is. State: the last finite pose (abstract) and its age, at `time_step`.
+    Input and output: `pose`, a RigidTransform; `age` (1), time since the pose was valid at a tick
+    [s], 0 while it is. State: the last valid pose (abstract) and its age, at `time_step`.
 
     Args:
         time_step: Period of the update [s].
@@ -61,32 +61,32 @@ class PoseGuard(LeafSystem):
         )
         self.DeclareStateOutputPort("age", self._age)
         self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
-        # Together with the discrete state of who reads it, not before.
-        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._grow_old)
+        # Updated together with the discrete state of its readers, not before.
+        self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update_age)
 
-    def _is_finite(self, context: Context) -> bool:
+    def _is_valid(self, context: Context) -> bool:
         pose = self.pose_input.Eval(context).GetAsMatrix34()
         return bool(np.isfinite(pose).all() and np.abs(pose[:, 3]).max() < _FARTHEST_GOAL)
 
     def _update(self, context: Context, state: State) -> EventStatus:
-        if not self._is_finite(context):
+        if not self._is_valid(context):
             return EventStatus.DidNothing()
         state.get_mutable_abstract_state(int(self._pose)).set_value(self.pose_input.Eval(context))
         return EventStatus.Succeeded()
 
-    def _grow_old(self, context: Context, discrete_state: DiscreteValues) -> None:
+    def _update_age(self, context: Context, discrete_state: DiscreteValues) -> None:
         age = context.get_discrete_state(self._age).value()[0] + self._time_step
-        discrete_state.set_value(self._age, [0.0 if self._is_finite(context) else age])
+        discrete_state.set_value(self._age, [0.0 if self._is_valid(context) else age])
 
     def _calc_pose(self, context: Context, output: Value) -> None:
-        finite = self._is_finite(context)
+        finite = self._is_valid(context)
         kept = context.get_abstract_state(int(self._pose)).get_value()
         output.set_value(self.pose_input.Eval(context) if finite else kept)
 
 
 @dataclass(frozen=True)
 class _Clouds:
-    """The last clouds that made sense, with their stamp; they never change."""
+    """The last plausible clouds, with their time stamp; immutable."""
 
     cloud: AbstractValue
     cloud_torso: AbstractValue
@@ -97,10 +97,10 @@ class _Clouds:
 
 
 class CloudGuard(LeafSystem):
-    """Passes clouds on that make sense; else the last that did, with the stamp that they had.
+    """Passes plausible clouds through; otherwise outputs the last plausible, with their time stamp.
 
-    A cloud makes no sense if more than a few of its points are not finite or farther away than
-    any depth camera sees. As its stamp stands, whoever watches the stamp notices.
+    A cloud is implausible if more than a few of its points are not finite or beyond the range of
+    any depth camera. The time stamp then stops, so that its readers notice.
 
     .. pydrake_system::
 
@@ -115,7 +115,7 @@ class CloudGuard(LeafSystem):
         - time_stamp
 
     Inputs and outputs: `cloud` in W and `cloud_torso` in T (PointCloud); `time_stamp` (1) [s].
-    State: the last that made sense (abstract), at `time_step`.
+    State: the last plausible clouds (abstract), at `time_step`.
 
     Args:
         time_step: Period of the update [s].
@@ -130,18 +130,18 @@ class CloudGuard(LeafSystem):
         nothing = _Clouds(model.Clone(), model.Clone(), -np.inf)
         self._last = self.DeclareAbstractState(Value[object](nothing))
         state = self.abstract_state_ticket(self._last)
-        self._sense = self.DeclareCacheEntry(
+        self._plausible = self.DeclareCacheEntry(
             "whether the clouds make sense",
-            ValueProducer(allocate=lambda: Value[object](True), calc=self._calc_sense),
+            ValueProducer(allocate=lambda: Value[object](True), calc=self._calc_plausible),
             prerequisites_of_calc={self._cloud.ticket(), self._cloud_torso.ticket()},
         )
         for port in (self._cloud, self._cloud_torso):
-            self._declare_cloud(port, {state, port.ticket(), self._sense.ticket()})
+            self._declare_cloud(port, {state, port.ticket(), self._plausible.ticket()})
         self.DeclareVectorOutputPort(
             "time_stamp",
             1,
             self._calc_stamp,
-            prerequisites_of_calc={state, self._time_stamp.ticket(), self._sense.ticket()},
+            prerequisites_of_calc={state, self._time_stamp.ticket(), self._plausible.ticket()},
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(time_step, 0.0, self._update)
 
@@ -149,7 +149,7 @@ class CloudGuard(LeafSystem):
         name, index = port.get_name(), port.get_index()
 
         def calc(context: Context, output: AbstractValue) -> None:
-            if self._sense.Eval(context):
+            if self._plausible.Eval(context):
                 output.SetFrom(self.EvalAbstractInput(context, index))
             else:
                 output.SetFrom(getattr(self._kept(context), name))
@@ -161,13 +161,13 @@ class CloudGuard(LeafSystem):
     def _kept(self, context: Context) -> _Clouds:
         return context.get_abstract_state(int(self._last)).get_value()
 
-    def _calc_sense(self, context: Context, sense: Value) -> None:
+    def _calc_plausible(self, context: Context, plausible: Value) -> None:
         clouds = (self._cloud.Eval(context), self._cloud_torso.Eval(context))
-        sense.set_value(all(makes_sense(cloud) for cloud in clouds))
+        plausible.set_value(all(makes_sense(cloud) for cloud in clouds))
 
     def _update(self, context: Context, state: State) -> EventStatus:
         stamp = float(self._time_stamp.Eval(context)[0])
-        if stamp == self._kept(context).stamp or not self._sense.Eval(context):
+        if stamp == self._kept(context).stamp or not self._plausible.Eval(context):
             return EventStatus.DidNothing()
         cloud, cloud_torso = (
             self.EvalAbstractInput(context, port.get_index()).Clone()
@@ -178,15 +178,15 @@ class CloudGuard(LeafSystem):
         return EventStatus.Succeeded()
 
     def _calc_stamp(self, context: Context, output: BasicVector) -> None:
-        present = bool(self._sense.Eval(context))
+        present = bool(self._plausible.Eval(context))
         stamp = self._time_stamp.Eval(context)[0] if present else self._kept(context).stamp
         output.SetAtIndex(0, float(stamp))
 
 
 def makes_sense(cloud: PointCloud) -> bool:
-    """True if nearly all points of a cloud may have been seen by the robot's depth camera."""
+    """Tells whether nearly all points of a cloud are finite and within a depth camera's range."""
     points = cloud.xyzs()
     if points.size == 0:
         return True
-    senseless = ~(np.abs(points) < _FARTHEST).all(axis=0)
-    return bool(np.count_nonzero(senseless) <= _LARGEST_SHARE * points.shape[1])
+    implausible = ~(np.abs(points) < _FARTHEST).all(axis=0)
+    return bool(np.count_nonzero(implausible) <= _LARGEST_SHARE * points.shape[1])

@@ -1,4 +1,4 @@
-"""The head follows the goal object, and the camera that sees it best is switched on."""
+"""Turns the head to follow the goal object and enables the camera with the best view of it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Search = Callable[[float, float], Vector]
 
 
 class GazeController(LeafSystem):
-    """Turns the head so that a camera keeps the goal object in the middle of its image.
+    """Turns the head so that a camera keeps the goal object at the centre of its image.
 
     .. pydrake_system::
 
@@ -51,35 +51,35 @@ class GazeController(LeafSystem):
         - bottom_enabled
 
     `object_pose` (RigidTransform X_WO) and `valid` come from a GoalEstimator, `X_WT` is the torso's
-    measured pose. While `valid` is zero the head searches, or stays where it is without a search.
+    measured pose. While `valid` is zero the head searches, or stays still if there is no `search`.
     The head starts from `head_position` (2), measured [rad], or from zero.
 
     `head_position_command` (2; HeadYaw, HeadPitch, rad) and `head_velocity_command` (2; rad/s) are
-    held, within the limits of velocity and acceleration and within Pepper's joint limits, those of
-    HeadPitch as HeadYaw has them. `in_view` is 1 when the commanded angles put the object into the
+    held, within the velocity and acceleration limits and Pepper's joint limits, where those of
+    HeadPitch depend on HeadYaw. `in_view` is 1 when the commanded angles put the object into the
     best camera's image, `reachable` when any angles within the limits would; both are 0 without a
     valid object. `best_camera` is that camera's index in `cameras`, and `<name>_enabled` is 1 for
-    it and 0 for the other, ready for CameraModel's `enabled`. Without a valid object all are
-    enabled: whichever sees it first finds it.
+    it and 0 for the other, for CameraModel's `enabled`. Without a valid object all cameras are
+    enabled, as any may find it first.
 
     `velocity` (3) is the object's [m/s], `age` (1) the time since it was last seen [s]. While
     `scan_enabled` (1) is not zero and the object at rest, the head glances at its surroundings
-    between two looks at it, above all on the reaching arm's `side` of it and near the points of
+    between two looks at it, preferably on the reaching arm's `side` of it and near the points of
     `cloud` (PointCloud in W); while `look_at` (3, in W) [m] is finite, it glances there instead.
-    The law is `GazePolicy`'s.
+    See `GazePolicy`.
 
     State: a `GazeState` as numbers (11 + N, discrete).
     Events: one periodic discrete update; one at initialization.
 
     Args:
         p_OP: The point on the object to look at (3,) [m]: its marker.
-        cameras: The top and the bottom camera, in order of preference; Pepper's if left out. The
-            top one looks along with the depth camera.
+        cameras: The top and the bottom camera, in order of preference; Pepper's if omitted. The
+            top one's view overlaps the depth camera's.
         secondary_camera: A camera that should see the object's surroundings: the depth camera.
-        radius: Of the part of the object that has to stay in view then [m]: half its marker's
-            diagonal.
-        side: Of the reaching arm, 1 left or -1 right.
-        search: Head angles (2,) [rad] of the search for the object, by the time [s] and `side`.
+        radius: Radius of the part of the object that has to stay in view then [m]: half its
+            marker's diagonal.
+        side: Side of the reaching arm, 1 left or -1 right.
+        search: Head angles (2,) [rad] of the search for the object, by time [s] and `side`.
         time_step: Period of the update [s].
         params: Timing and limits.
     """
@@ -154,10 +154,10 @@ class GazeController(LeafSystem):
         discrete.set_value(self._state, state.to_vector())
 
     def _observe(self, context: Context) -> GazeObservation:
-        """Reads the inputs; what is not connected has its default."""
+        """Reads the inputs, with defaults for unconnected ones."""
 
-        def size(port: InputPort, otherwise: float) -> float:
-            """The length of the vector at an optional port."""
+        def norm(port: InputPort, otherwise: float) -> float:
+            """Returns the norm of the vector at an optional port."""
             return math.hypot(*port.Eval(context).tolist()) if port.HasValue(context) else otherwise
 
         def points() -> Vector:
@@ -169,15 +169,15 @@ class GazeController(LeafSystem):
         return GazeObservation(
             context.get_time(),
             self._X_WT.Eval(context),
-            self._object_pose.Eval(context) if size(self._valid, 1.0) > 0.0 else None,
-            size(self._age, 0.0),
-            size(self._velocity, 0.0),
-            size(self._scan_enabled, 0.0) > 0.5,
+            self._object_pose.Eval(context) if norm(self._valid, 1.0) > 0.0 else None,
+            norm(self._age, 0.0),
+            norm(self._velocity, 0.0),
+            norm(self._scan_enabled, 0.0) > 0.5,
             look_at if look_at is not None and np.isfinite(look_at).all() else None,
             points,
         )
 
 
 def _is_enabled(index: int, state: GazeState) -> list[bool]:
-    """True when the camera of that index is in use, or when none is yet."""
+    """Tells whether the camera of that index is in use, or none is yet."""
     return [state.camera in (index, -1)]

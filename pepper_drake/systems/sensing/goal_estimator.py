@@ -26,22 +26,22 @@ from pepper_drake.perception.goal.marker_params import DEFAULT_MARKER, MarkerPar
 from pepper_drake.systems.framework import LeafSystem
 
 _THUMBNAIL_STEP = 7
-"""Images are told apart by every seventh pixel of every seventh row."""
+"""Images are compared by every seventh pixel of every seventh row."""
 
 
 @functools.cache
 def _worker() -> ThreadPoolExecutor:
-    """The thread on which images are looked at while the simulation goes on."""
+    """Returns the thread that processes images while the simulation continues."""
     return ThreadPoolExecutor(1, thread_name_prefix="goal estimator")
 
 
 @dataclass(frozen=True)
-class _Look:
-    """An image that is being looked at.
+class _PendingMeasurement:
+    """An image that is being processed.
 
     Attributes:
-        measurement: Gives what was measured in it, or None.
-        due: When that counts [s].
+        measurement: Future of the measurement, which is None if the marker is not found.
+        due: Simulation time at which the measurement becomes available [s].
     """
 
     measurement: Future[GoalMeasurement | None]
@@ -50,21 +50,21 @@ class _Look:
 
 @dataclass(frozen=True)
 class _Memory:
-    """The estimator's state. Never changed once made.
+    """The estimator's immutable state.
 
     Attributes:
-        goal: What the filter believes.
-        time_stamps: Of the last image used from each camera [s].
-        thumbnails: A few pixels of it.
-        usable: Time of each camera's newest image that could be looked at [s].
-        looks: Images of which the measurement is yet to count, the oldest first.
+        goal: The filter's estimate.
+        time_stamps: Time stamp of the last image received from each camera [s].
+        thumbnails: Subsampled pixels of it.
+        usable: Time stamp of each camera's newest usable image [s].
+        pending: Images being processed, oldest first.
     """
 
     goal: GoalState
     time_stamps: Mapping[str, float]
     thumbnails: Mapping[str, npt.NDArray[np.uint8]]
     usable: Mapping[str, float] = field(default_factory=dict)
-    looks: tuple[_Look, ...] = ()
+    pending: tuple[_PendingMeasurement, ...] = ()
 
     def __deepcopy__(self, memo: dict) -> _Memory:
         """Returns itself: Drake copies the state at each event, and this never changes."""
@@ -93,38 +93,37 @@ class GoalEstimator(LeafSystem):
         - image_ages
 
     The three inputs of a camera (ImageRgba8U; s; RigidTransform at the image's time) come from a
-    CameraModel; a camera with any of them unconnected is not used. The system looks for a new time
-    stamp every `period` and works only when there is one: once for an image, whatever its rate.
-    Images that are empty, of another size than the camera's, older than the last or dated in the
-    future are passed over. So is one whose pixels are those of the last: real sensors are noisy,
-    and equal pixels mean a camera that hangs.
+    CameraModel; a camera with any of them unconnected is not used. The system checks for a new time
+    stamp every `period` and processes each image once. Images that are empty, of another size than
+    the camera's, older than the last or dated in the future are skipped. So is one identical to the
+    last: real sensors are noisy, and identical pixels mean a frozen camera.
 
     `object_pose` (RigidTransform X_WO) is the pose last published: it changes when the estimate
-    moved by more than 3 mm or became much surer (see GoalFilterParameters), is held while the
-    marker is hidden, and is the identity before the first. `valid` is 1 while there is a goal that
+    has moved by more than 3 mm or become much more certain (see GoalFilterParameters), is held
+    while the marker is occluded, and is the identity before the first. `valid` is 1 while the goal
     was seen within the last `hold_seconds`, else 0. `age` [s] is the time since it was seen;
     infinite before the first.
     `position_covariance` is the row-major (3, 3) covariance [m^2] of the object's position in W;
     infinite on its diagonal before the first. `velocity` [m/s] is the object's in W. `image_ages`
-    (2) [s] are those of the newest image of the top and of the bottom camera that was not passed
-    over; infinite before the first.
+    (2) [s] are the ages of the newest usable images of the top and of the bottom camera; infinite
+    before the first.
 
-    A measurement counts `latency` after its image was looked at: so long the work may take, on a
-    thread of its own while the simulation goes on. What it finds does not depend on how fast it is.
+    A measurement becomes available `latency` after its image was received, the time allowed for
+    processing on a separate thread. The results do not depend on the thread's speed.
 
     State: filter and last images (abstract). Event: one periodic unrestricted update.
 
     Args:
         marked: The object to look for.
-        top: The top camera's intrinsics; those of Pepper's if left out.
-        bottom: The bottom camera's intrinsics; those of Pepper's if left out.
+        top: The top camera's intrinsics; Pepper's if omitted.
+        bottom: The bottom camera's intrinsics; Pepper's if omitted.
         parameters: Noise, gates and thresholds of the filter.
         marker: Detection of the marker, and its noise.
-        period: Time between looks for a new image [s].
-        offset: Time of the first look [s]; after the cameras', so that an image taken in the same
+        period: Time between checks for a new image [s].
+        offset: Time of the first check [s]; after the cameras', so that an image taken in the same
             period is used in it.
-        latency: How long it takes to look at an image [s]; at zero the simulation waits.
-        expects_noise: Whether equal images mean that the camera hangs; set to False only when the
+        latency: Processing time of an image [s]; at zero the simulation waits.
+        expects_noise: Whether identical images mean a frozen camera; set to False only when the
             images are rendered without noise.
 
     Examples:
@@ -212,7 +211,7 @@ class GoalEstimator(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._look)
 
     def goal_state(self, context: Context) -> GoalState:
-        """Returns what the filter believes in this context."""
+        """Returns the filter's estimate in this context."""
         return self._get_memory(context).goal
 
     def _get_memory(self, context: Context) -> _Memory:
@@ -243,16 +242,16 @@ class GoalEstimator(LeafSystem):
             time_stamps={**memory.time_stamps, name: time},
             thumbnails={**memory.thumbnails, name: thumbnail},
         )
-        hangs = last is not None and np.array_equal(last, thumbnail)
+        is_frozen = last is not None and np.array_equal(last, thumbnail)
         camera = self._intrinsics[name]
         fits = image.shape[:2] == (camera.height, camera.width)
-        if not fits or (self._expects_noise and hangs):
+        if not fits or (self._expects_noise and is_frozen):
             return used
         track = memory.goal.track
         is_recent = track is not None and memory.goal.age(time) <= self._parameters.hold_seconds
         measurement = _worker().submit(
             detect_goal,
-            image.copy(),  # The port's own changes with the next.
+            image.copy(),  # The port's value is overwritten by the next image.
             time,
             RigidTransform(self._poses[name].Eval(context)),
             camera,
@@ -261,18 +260,18 @@ class GoalEstimator(LeafSystem):
             R_WO_expected=track.R_WO if track is not None else None,
             params=self._marker,
         )
-        look = _Look(measurement, context.get_time() + self._latency)
+        added = _PendingMeasurement(measurement, context.get_time() + self._latency)
         usable = {**memory.usable, name: time}
-        return replace(used, usable=usable, looks=(*memory.looks, look))
+        return replace(used, usable=usable, pending=(*memory.pending, added))
 
     def _use_due(self, memory: _Memory, time: float) -> _Memory:
-        """Takes in the measurements that count by now, waiting for them if need be."""
+        """Applies the measurements that are due, waiting for them if necessary."""
         p_OM = self.marked.X_OM.translation()
-        looks = memory.looks
-        while looks and looks[0].due <= time + 1e-9:
-            measurement = looks[0].measurement.result()
-            looks = looks[1:]
-            memory = replace(memory, looks=looks)
+        pending = memory.pending
+        while pending and pending[0].due <= time + 1e-9:
+            measurement = pending[0].measurement.result()
+            pending = pending[1:]
+            memory = replace(memory, pending=pending)
             if measurement is not None:
                 goal = update_goal(memory.goal, measurement, p_OM, self._parameters)
                 memory = replace(memory, goal=goal)

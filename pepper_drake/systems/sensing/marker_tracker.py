@@ -1,4 +1,4 @@
-"""Tracker of a marker in the images of a camera."""
+"""Tracks a marker in the images of a camera."""
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -15,7 +15,7 @@ _NEVER = [-np.inf, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 
 
 class MarkerTracker(LeafSystem):
-    """Measures a marker's pose in every image; where it was last tells where to look.
+    """Measures a marker's pose in every image, searching near its last pose.
 
     .. pydrake_system::
 
@@ -27,8 +27,8 @@ class MarkerTracker(LeafSystem):
         - sighting
 
     `color_image` (ImageRgba8U) and `time_stamp` (1) [s] are a CameraModel's. `sighting` (8) is the
-    time of the last image in which the marker was seen [s], minus infinity before the first; p_TM
-    [m] and the unit quaternion w, x, y, z of R_TM then.
+    time of the last image in which the marker was seen [s], minus infinity before the first, and
+    its p_TM [m] and unit quaternion w, x, y, z of R_TM at that time.
 
     State: the sighting (8), discrete with period `time_step`.
     """
@@ -44,16 +44,16 @@ class MarkerTracker(LeafSystem):
 
         Args:
             marked: The marker, on an object whose z axis is up when it is held upright.
-            intrinsics: Of the camera.
+            intrinsics: The camera's intrinsics.
             X_TC: Pose of its optical frame.
-            time_step: How often it looks [s]; the camera's period.
+            time_step: Period of the update [s]; the camera's.
         """
         super().__init__()
         self._marked, self._intrinsics, self._X_TC = marked, intrinsics, X_TC
         self.image_input = self.DeclareAbstractInputPort("color_image", Value(ImageRgba8U()))
         self.time_stamp_input = self.DeclareVectorInputPort("time_stamp", 1)
         self._sighting = self.DeclareDiscreteState(_NEVER)
-        # After the camera, which captures at its period's multiples.
+        # After the camera, which captures at multiples of its period.
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.5 * time_step, self._update)
         self.sighting_output = self.DeclareVectorOutputPort(
             "sighting", 8, self._calc_sighting, {self.discrete_state_ticket(self._sighting)}

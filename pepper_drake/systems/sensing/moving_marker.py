@@ -1,4 +1,4 @@
-"""A marker on a plate that is moved before the cameras, like something held in a hand."""
+"""A marker on a plate that moves in front of the cameras as if held in a hand."""
 
 from pydrake.common.value import Value
 from pydrake.geometry import (
@@ -34,11 +34,11 @@ class MovingMarker(LeafSystem):
         - geometry_pose
 
     `geometry_pose` is the FramePoseVector of the marker's frame M (x right, y up, z out of the
-    face) in the scene graph's world. No state: the path is a function of the time.
+    face) in the scene graph's world. No state.
 
     Args:
         path: Pose of M over time.
-        frame: Of M in the scene graph.
+        frame: Frame id of M in the scene graph.
     """
 
     def __init__(self, path: GuidePath, frame: FrameId) -> None:
@@ -56,11 +56,11 @@ class MovingMarker(LeafSystem):
         marker_id: int,
         size: float,
     ) -> "MovingMarker":
-        """Adds a marker on its plate to a scene graph, and what moves it.
+        """Adds a marker on its plate to a scene graph, and the system that moves it.
 
         Args:
-            builder: Of the diagram that the scene graph is in.
-            scene_graph: With its renderers.
+            builder: Builder of the diagram that contains the scene graph.
+            scene_graph: The scene graph, with its renderers.
             path: Poses of M in the scene graph's world.
             marker_id: In DICT_4X4_50.
             size: Edge of the black square [m].
@@ -68,7 +68,7 @@ class MovingMarker(LeafSystem):
         source = scene_graph.RegisterSource("moving_marker")
         frame = scene_graph.RegisterFrame(source, GeometryFrame("marker"))
         edge = plate_size(size)
-        # The plate's face lies a little behind the marker's, so that the two do not flicker.
+        # The plate's face lies slightly behind the marker's, to avoid z-fighting.
         X_MP = RigidTransform([0.0, 0.0, -0.0005 - _THICKNESS / 2])
         shapes: tuple[tuple[str, Shape, RigidTransform], ...] = (
             ("plate", Box(edge, edge, _THICKNESS), X_MP),
@@ -76,10 +76,10 @@ class MovingMarker(LeafSystem):
         )
         for name, shape, X_MG in shapes:
             instance = GeometryInstance(X_MG, shape, name)
-            seen = PerceptionProperties()
+            perception = PerceptionProperties()
             if name == "plate":
-                seen.AddProperty("phong", "diffuse", _WHITE)
-            instance.set_perception_properties(seen)
+                perception.AddProperty("phong", "diffuse", _WHITE)
+            instance.set_perception_properties(perception)
             instance.set_illustration_properties(MakePhongIllustrationProperties(_WHITE.rgba))
             scene_graph.RegisterGeometry(source, frame, instance)
         marker = builder.AddNamedSystem("moving_marker", MovingMarker(path, frame))

@@ -1,4 +1,4 @@
-"""A pattern thrown on the scene from beside a camera, so that bare walls can be matched."""
+"""A pattern projected on the scene, so that untextured walls can be matched."""
 
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
@@ -11,7 +11,7 @@ from pepper_drake.systems.framework import LeafSystem
 
 
 class ProjectedPattern(LeafSystem):
-    """Darkens a rendered image where a projector throws its pattern.
+    """Darkens a rendered image according to a projected pattern.
 
     .. pydrake_system::
 
@@ -23,13 +23,12 @@ class ProjectedPattern(LeafSystem):
         - color_image
 
     `color_image` (ImageRgba8U) and `depth_image` (ImageDepth32F) are an RgbdSensor's; the output
-    (ImageRgba8U) is what the sensor would see with the projector on. It is computed when it is
-    asked for.
+    (ImageRgba8U) is the sensor's image with the projector on.
 
     Args:
         intrinsics: The camera.
-        X_CP: Pose of the projector, z along its light, in the camera's frame.
-        seed: Seed of the pattern; the same for all cameras that look at it.
+        X_CP: Pose of the projector, z along its optical axis, in the camera's frame.
+        seed: Seed of the pattern; the same for all cameras that see it.
     """
 
     def __init__(

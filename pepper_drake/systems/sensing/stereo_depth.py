@@ -1,4 +1,4 @@
-"""Depth images from a pair of colour cameras."""
+"""Depth images from a stereo pair of colour cameras."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pepper_drake.systems.sensing.camera_model import Frame
 
 
 class StereoDepth(LeafSystem):
-    """Matches the images of two cameras and hands on a depth image, as a depth camera does.
+    """Matches the images of two cameras and outputs a depth image, like a depth camera.
 
     .. pydrake_system::
 
@@ -38,10 +38,9 @@ class StereoDepth(LeafSystem):
 
     The inputs come from two CameraModels that capture at the same time. `time_stamp`, `position`
     (the robot's joints) and `X_WC`, the pose of a frame in which the left camera is fixed, are
-    those of the left one. The system looks for a new time stamp every `period` and works only when
-    there is one. What the images show is cut into things, and what belongs to none or to the
-    robot's own body is left out. Images that are empty, of different size or dated in the future
-    are passed over.
+    those of the left one. The system checks for a new time stamp every `period` and does nothing
+    without one. The images are segmented; pixels that belong to no segment or to the robot's own
+    body are left out. Images that are empty, of different size or dated in the future are skipped.
 
     The outputs are a CameraModel's, of the rectified left camera, whose intrinsics are
     `intrinsics`: `depth_image` (ImageDepth16U, whole millimetres, 0 where nothing was matched),
@@ -54,15 +53,15 @@ class StereoDepth(LeafSystem):
         left: The left camera.
         right: The right camera.
         robot: The robot's shapes, to mask it; needs `position`.
-        X_CL: Pose of the left camera in the frame of `X_WC`; the identity when left out.
-        parameters: Of the matching.
-        segmentation: How the images are cut into things.
-        period: Time between looks for new images [s].
-        offset: Time of the first look [s]; after the cameras'.
+        X_CL: Pose of the left camera in the frame of `X_WC`; the identity if omitted.
+        parameters: Parameters of the matching.
+        segmentation: Parameters of the segmentation.
+        period: Time between checks for new images [s].
+        offset: Time of the first check [s]; after the cameras'.
         num_positions: Size of the input `position`.
 
     Attributes:
-        intrinsics: Of the depth images.
+        intrinsics: Intrinsics of the depth images.
     """
 
     def __init__(

@@ -228,7 +228,7 @@ def test_holes_that_are_open_or_not_on_a_plane_are_not_followed():
 
 def test_images_of_another_size_begin_anew():
     memory = look(HoleMemory.empty(), wall(), HOME)
-    other = memory.of_size(120, 160)
+    other = memory.for_image_size(120, 160)
     assert other.measured.shape == (120, 160)
     assert not other.measured.any()
-    assert memory.of_size(*SHAPE) is memory
+    assert memory.for_image_size(*SHAPE) is memory

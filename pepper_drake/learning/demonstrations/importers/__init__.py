@@ -1,4 +1,4 @@
-"""Readers of what other tools record: one small module a format, and one that tells them apart."""
+"""Readers of other tools' formats: a module for each, and one that detects the format."""
 
 from pepper_drake.learning.demonstrations.importers.detect import read_tracks
 from pepper_drake.learning.demonstrations.importers.options import ImportOptions

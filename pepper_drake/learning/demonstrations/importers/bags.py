@@ -1,6 +1,6 @@
 """Bags of ROS 1 and ROS 2 and MCAP files: topics with poses or joints.
 
-`rosbags` reads ROS messages, whatever holds them; `mcap` reads files whose messages are JSON. Both
+`rosbags` reads ROS messages in any container; `mcap` reads files with JSON messages. Both
 are an extra: pip install "pepper-drake[formats]".
 """
 
@@ -51,7 +51,7 @@ def read_bag(path: Path) -> list[Track]:
                 raise InputError(f"{path}: more than {_MOST_MESSAGES} messages; cut the motion out")
     except InputError:
         raise
-    except Exception as error:  # A broken bag makes its reader raise what its parser meets.
+    except Exception as error:  # On a broken bag the reader may raise anything.
         raise InputError(
             f"{path}: a broken bag after {count} messages ({_short(error)}); record it again"
         ) from None
@@ -136,7 +136,7 @@ def _check(values: Any, path: Path, key: str) -> None:
 
 
 def _samples(kind: str, message: Any, log_time: float) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yields what a message of a known type holds: (name of the frame, sample)."""
+    """Yields (name of the frame, sample) of a message of a known type."""
     name = kind.rpartition("/")[2]
     if name in ("TFMessage",):
         for transform in _get(message, "transforms"):
@@ -213,7 +213,7 @@ def _ros_messages(path: Path) -> Iterator[tuple[str, str, float, Any]]:
                 for connection, log_time, data in reader.messages(connections=wanted):
                     message = reader.deserialize(data, connection.msgtype)
                     yield connection.topic, connection.msgtype, float(log_time), message
-    except Exception as error:  # rosbags raises what its parsers meet.
+    except Exception as error:  # rosbags may raise anything.
         raise InputError(f"{path}: not a bag that can be read ({_short(error)})") from None
 
 
@@ -230,7 +230,7 @@ def _is_json_mcap(path: Path) -> bool:
             summary = make_reader(stream, validate_crcs=False).get_summary()
             channels = summary.channels.values() if summary else ()
             return any(channel.message_encoding == "json" for channel in channels)
-    except Exception:  # A broken file; its reader says what is wrong.
+    except Exception:  # A broken file: reading it reports the error.
         return False
 
 
@@ -243,12 +243,12 @@ def _mcap_messages(path: Path) -> Iterator[tuple[str, str, float, Any]]:
                 if channel.message_encoding == "json" and schema is not None:
                     content = json.loads(message.data)
                     yield channel.topic, _ros_name(schema.name), float(message.log_time), content
-    except Exception as error:  # mcap and json raise what their parsers meet.
+    except Exception as error:  # mcap and json may raise anything.
         raise InputError(f"{path}: not an MCAP file that can be read ({_short(error)})") from None
 
 
 def _ros_name(schema: str) -> str:
-    """Returns a schema's name as ROS writes it: Foxglove's foxglove.PoseInFrame stays."""
+    """Returns a schema's name with ROS's slashes: foxglove.PoseInFrame is foxglove/PoseInFrame."""
     return schema.replace(".", "/")
 
 

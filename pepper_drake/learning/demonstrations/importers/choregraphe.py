@@ -1,4 +1,4 @@
-"""Timelines of Choregraphe: behavior.xar and .xml, and the Python text that it exports."""
+"""Timelines of Choregraphe: behavior.xar and .xml, and exported Python."""
 
 import ast
 import re
@@ -19,7 +19,7 @@ from pepper_drake.learning.demonstrations.importers.track import Track
 Array = npt.NDArray[np.float64]
 
 RATE = 50.0
-"""Samples a second [Hz] that are taken of a timeline: ALMotion's own."""
+"""Rate [Hz] at which a timeline is sampled: ALMotion's own."""
 
 _LONGEST = 3600.0
 _MOST_KEYS = 100_000
@@ -37,7 +37,7 @@ class _Curve:
 
 
 def read_timeline(path: Path, text: str) -> list[Track]:
-    """Reads the timelines of a behavior (XML); each is a track of joints in degrees.
+    """Reads the timelines of a behavior (XML); each is a joint track in degrees.
 
     Raises:
         InputError: It is not XML, or has no timeline with keys of joints.
@@ -55,8 +55,8 @@ def read_timeline(path: Path, text: str) -> list[Track]:
         fps = _number(timeline, "fps", path, 25.0)
         if not 0.0 < fps < 1e4:
             raise InputError(f"{path}: a timeline of {fps:g} frames a second; correct fps")
-        own = list(_own(timeline))
-        curves = [read for curve in own if (read := _curve(curve, fps, path)) is not None]
+        elements = list(_outer_curves(timeline))
+        curves = [read for curve in elements if (read := _curve(curve, fps, path)) is not None]
         if curves:
             number = len(tracks) + 1
             name = path.stem if number == 1 else f"{path.stem}_{number}"
@@ -79,8 +79,8 @@ def read_timeline(path: Path, text: str) -> list[Track]:
     return tracks
 
 
-def _own(timeline: ElementTree.Element) -> Iterator[ElementTree.Element]:
-    """Yields the curves of a timeline; those of one inside it, in a box of a layer, are its own."""
+def _outer_curves(timeline: ElementTree.Element) -> Iterator[ElementTree.Element]:
+    """Yields the curves of a timeline, not those of a timeline nested in it."""
     waiting = list(timeline)[::-1]
     while waiting:
         element = waiting.pop()
@@ -91,18 +91,17 @@ def _own(timeline: ElementTree.Element) -> Iterator[ElementTree.Element]:
 
 
 def is_exported_python(text: str) -> bool:
-    """Tells whether a text is what Choregraphe's *Export motion to clipboard* gives."""
+    """Tells whether a text is the output of Choregraphe's *Export motion to clipboard*."""
     return "names.append(" in text and "keys.append(" in text and "times.append(" in text
 
 
 def read_exported_python(path: Path, text: str) -> list[Track]:
     """Reads the lists `names`, `times` and `keys` of exported Python, without running it.
 
-    Each place that makes a new list `names` begins a motion of its own; what is in a string of
-    several lines is no code.
+    Each new list `names` begins a motion of its own; triple-quoted strings are skipped.
 
     Raises:
-        InputError: The text is no Python, or its lists do not belong together.
+        InputError: The text is not such Python, or its lists do not match.
     """
     code = _STRINGS.sub(lambda match: "\n" * match[0].count("\n"), text)
     starts = [match.start() for match in _NEW_LISTS.finditer(code)]
@@ -131,7 +130,7 @@ _NEW_LISTS = re.compile(r"^[ \t]*names[ \t]*=[ \t]*(?:list\(\)|\[\])", re.MULTIL
 
 
 def _exported_curves(path: Path, text: str, before: int) -> list[_Curve]:
-    """Returns the curves of one motion; `before` lines are before it in the file."""
+    """Returns the curves of one motion that starts after `before` lines of the file."""
     lists: dict[str, list[Any]] = {"names": [], "times": [], "keys": []}
     for number, name, argument in _appended(path, text, before):
         try:
@@ -177,7 +176,7 @@ def _exported_curves(path: Path, text: str, before: int) -> list[_Curve]:
 
 
 def _appended(path: Path, text: str, before: int) -> Iterator[tuple[int, str, str]]:
-    """Yields line, list and argument of each append; the rest may be of Python 2."""
+    """Yields line, list and argument of each append; the other lines may be Python 2."""
     lines = text.split("\n")
     for k, line in enumerate(lines):
         match = re.match(r"\s*(names|times|keys)\.append\((.*)", line)
@@ -195,7 +194,7 @@ def _appended(path: Path, text: str, before: int) -> Iterator[tuple[int, str, st
 
 
 def _check_order(path: Path, lists: dict[str, list[Any]]) -> None:
-    """Refuses names, times and keys in an order from which nobody sees what belongs together."""
+    """Refuses names, times and keys in an order that does not tell which belong together."""
     order = [key for _, key in sorted((line, key) for key, v in lists.items() for line, _ in v)]
     count = len(lists["names"])
     rows, columns = ["names", "times", "keys"] * count, []
@@ -253,14 +252,14 @@ def _checked(curve: _Curve, path: Path) -> _Curve:
 def _track(
     path: Path, name: str, kind: str, curves: list[_Curve], unit: str, last: float | None = None
 ) -> Track:
-    """Returns the curves at `RATE`, to their end or to `last` [s], where the timeline ends."""
+    """Returns the curves sampled at `RATE`, to their end or the timeline's, `last` [s]."""
     arms = [c for c in curves if c.joint[1:].startswith(("Shoulder", "Elbow", "Wrist"))] or curves
     twice = {c.joint for i, c in enumerate(arms) if c.joint in [d.joint for d in arms[:i]]}
     if twice:
         raise InputError(
             f"{path}: {sorted(twice)[0]} has two curves in one timeline; remove one of them"
         )
-    # Before its first key a joint goes there from wherever the robot was, which no file knows.
+    # Before its first key a joint moves there from the robot's posture, which is unknown.
     start = min(curve.times[0] for curve in arms)
     end = max(curve.times[-1] for curve in arms)
     end = end if last is None else max(start, min(end, last))
@@ -301,7 +300,7 @@ def _evaluate(curve: _Curve, at: Array) -> Array:
     t2 = width + np.clip(handles[k + 1, 0, 0], -width, 0.0)
     local = clipped - times[k]
     low, high = np.zeros(len(at)), np.ones(len(at))
-    for _ in range(50):  # Time is monotone in the parameter: bisection finds it.
+    for _ in range(50):  # Time is monotone in the parameter: bisection.
         u = 0.5 * (low + high)
         late = 3 * (1 - u) ** 2 * u * t1 + 3 * (1 - u) * u**2 * t2 + u**3 * width > local
         low, high = np.where(late, low, u), np.where(late, u, high)
@@ -314,7 +313,7 @@ def _evaluate(curve: _Curve, at: Array) -> Array:
 
 
 def _smooth_handles(times: Array, values: Array) -> Array:
-    """Returns handles of keys without tangents: slopes that never overshoot a key (PCHIP)."""
+    """Returns handles of keys without tangents: PCHIP slopes, which do not overshoot."""
     from scipy.interpolate import PchipInterpolator
 
     slopes = np.asarray(PchipInterpolator(times, values).derivative()(times))

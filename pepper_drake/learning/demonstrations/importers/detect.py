@@ -1,4 +1,4 @@
-"""Tells formats apart by what is in a file, and hands it to its reader."""
+"""Detects a file's format by its content, and calls its reader."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -38,10 +38,10 @@ from pepper_drake.learning.demonstrations.importers.unsupported_formats import (
 
 
 def read_tracks(path: Path) -> list[Track]:
-    """Reads all motions of a file or a folder of another tool.
+    """Reads all motions of another tool's file or folder.
 
     Raises:
-        InputError: With file, line and how to mend it.
+        InputError: With file, line and what to do.
     """
     check_file(path)
     if is_dataset(path):

@@ -1,4 +1,4 @@
-"""Names of columns: what each is called by the tools that write them, and its unit."""
+"""Meaning and unit of a column by its name, as the various tools write it."""
 
 import re
 from collections.abc import Sequence
@@ -64,7 +64,7 @@ _UNITS = {
 }
 
 UNKNOWN = "?"
-"""Begins the unit of a column whose header names one that is not read."""
+"""Prefix of a unit in a header that is not supported."""
 
 _FOREIGN_UNITS = {
     "px", "pixel", "pixels", "dm", "km", "yd", "yards", "turns", "rev", "revolutions", "grad",
@@ -75,7 +75,7 @@ _COMMANDS = {
     "des", "desired", "cmd", "command", "commanded", "target", "setpoint", "ref", "reference",
     "actuator",
 }  # fmt: skip
-"""Words of what was asked for, in place of what was measured."""
+"""Words of commanded, not measured, values."""
 
 _MEASURED = {"actual", "act", "measured", "meas", "state", "sensor"}
 
@@ -98,7 +98,7 @@ _OTHER = {
     "torque", "wrench", "effort", "bias", "b", "w", "omega", "error", "scale", "size", "normal",
     "pixel", "gravity", "std", "sigma", "cov",
 }  # fmt: skip
-"""Words of vectors that are neither a place nor its derivatives."""
+"""Words of vectors that are neither a position nor its derivatives."""
 
 _EUROC_FRAMES = ("rs", "r", "s", "rw", "ws", "wb", "wr")
 
@@ -109,7 +109,7 @@ _DERIVATIVE_WORDS = {"velocity", "vel", "effort", "torque", "current", "temperat
 _ANGLE_AT_END = re.compile(r"[^A-Za-z0-9](rad|radians?|deg|degrees?)$", re.IGNORECASE)
 
 _LONGEST_NAME = 200
-"""A longer text is no name of a column; to look for a unit in it takes the square of its length."""
+"""Longer texts are no column names; the search for a unit takes quadratic time."""
 
 
 @dataclass(frozen=True)
@@ -119,8 +119,8 @@ class Meaning:
     Attributes:
         kind: time, position, velocity, acceleration, quaternion, angle, joint or rotation_vector.
         axis: 0 to 2 for x, y, z (roll, pitch, yaw); 3 for w.
-        group: What it belongs to, such as the body's name; "" for the only one.
-        unit: As the header says it, None where it does not.
+        group: What it belongs to, such as the body's name; "" if there is only one.
+        unit: From the header, or None.
         joint: Pepper's name of the joint.
     """
 
@@ -132,7 +132,7 @@ class Meaning:
 
 
 def meaning(header: str) -> Meaning | None:
-    """Returns what a column is by its name, None where the name says nothing."""
+    """Returns the meaning of a column by its name, None if unknown."""
     if len(header) > _LONGEST_NAME:
         return None
     text, unit = _split_unit(header.strip().strip("\"'#%").strip())
@@ -155,7 +155,7 @@ def meaning(header: str) -> Meaning | None:
 
 
 def _ends_with_unit(words: list[str]) -> bool:
-    """Tells whether the last word is a unit: x_mm, x_m, time_s; but not the s of a name alone."""
+    """Tells whether the last word is a unit: x_mm, x_m, time_s; but no other s."""
     if len(words) < 2 or words[-1] not in _UNITS:
         return False
     return len(words[-1]) > 1 or words[0] in {*_AXES, *_TIME} or words[-2] in _AXES
@@ -187,7 +187,7 @@ def _meaning(words: list[str], unit: str | None) -> Meaning | None:
 
 
 def _with_axis(axis: int, before: list[str], unit: str | None) -> Meaning | None:
-    # EuRoC's p_RS_R_x and q_RS_w tell frames, not bodies.
+    # EuRoC's p_RS_R_x and q_RS_w name frames, not bodies.
     if len(before) > 1 and before[0] in ("p", "q", "v") and before[1] in _EUROC_FRAMES:
         before = [before[0], *(w for w in before[1:] if w not in _EUROC_FRAMES)]
     names = set(before)
@@ -196,7 +196,7 @@ def _with_axis(axis: int, before: list[str], unit: str | None) -> Meaning | None
     if names & {"euler", "rpy", "angle", "angles"} or (
         names & {"rot", "rotation", "orient", "ori"} and unit in ("deg", "rad")
     ):
-        return Meaning("rotation_vector", axis, unit=unit)  # Angles in an order that nobody says.
+        return Meaning("rotation_vector", axis, unit=unit)  # Angles of unknown order.
     if names & {"r", "rotvec", "axisangle"} and not names & _ROTATION:
         kind, used = "rotation_vector", {"r", "rotvec", "axisangle"}
     elif names & _ROTATION or axis == 3:
@@ -214,7 +214,7 @@ def _with_axis(axis: int, before: list[str], unit: str | None) -> Meaning | None
 
 
 def _axis(word: str) -> tuple[int | None, str]:
-    """Returns the axis that a word ends with, or is, and what is before it: qx, vx, xdd, posx."""
+    """Returns the axis in a word and the rest of the word: qx, vx, xdd, posx."""
     if word in _AXES:
         return _AXES[word], ""
     for stem in sorted(_POSITION | _ROTATION | _VELOCITY | _ACCELERATION | {"r"}, key=len)[::-1]:
@@ -267,7 +267,7 @@ def unit_of(word: str) -> str | None:
 
 
 def is_command(group: str) -> bool:
-    """Tells whether a body's name says that its values were asked for, not measured."""
+    """Tells whether a body's name marks its values as commanded, not measured."""
     return bool(_COMMANDS & set(group.split("_")))
 
 

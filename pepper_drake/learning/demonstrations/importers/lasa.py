@@ -21,22 +21,22 @@ Array = npt.NDArray[np.float64]
 _COMPRESSED = 15
 """Kind of a compressed variable in a MATLAB file of version 5."""
 _LARGEST_UNPACKED = 64 * 2**20
-"""Most that the compressed variables of such a file may hold [bytes]."""
+"""Largest total size of such a file's variables, decompressed [bytes]."""
 _PATIENCE = 60.0
-"""Longest wait for the process that reads [s]."""
+"""Timeout of the process that reads the file [s]."""
 
 
 def _unpacked(data: bytes) -> int:
-    """Size of what the compressed variables of a MATLAB file hold, up to a little over the limit.
+    """Returns the decompressed size of a MATLAB file's variables, up to a little over the limit.
 
-    A variable is a kind and a size of four bytes each, and that many bytes, after a header of 128
-    whose last two tell their order.
+    After a header of 128 bytes, whose last two give the byte order, each variable has a type and a
+    size of four bytes each, and that many bytes.
     """
     order, start, total = "<" if data[126:128] == b"IM" else ">", 128, 0
     while start + 8 <= len(data) and total <= _LARGEST_UNPACKED:
         kind, size = struct.unpack_from(f"{order}II", data, start)
         if kind == _COMPRESSED:
-            with contextlib.suppress(zlib.error):  # The library tells what is damaged.
+            with contextlib.suppress(zlib.error):  # The library reports the damage.
                 packed = data[start + 8 : start + 8 + size]
                 total += len(zlib.decompressobj().decompress(packed, _LARGEST_UNPACKED + 1))
         start += 8 + size
@@ -49,7 +49,7 @@ def read_lasa(path: Path) -> list[Track]:
     Khansari-Zadeh and Billard 2011, DOI 10.1109/TRO.2011.2159412. Positions are in mm.
 
     Raises:
-        InputError: It is no such file.
+        InputError: It is not such a file.
     """
     data = read_bytes(path)
     if _unpacked(data) > _LARGEST_UNPACKED:
@@ -81,7 +81,7 @@ def read_lasa(path: Path) -> list[Track]:
 
 
 def _demos(path: Path, data: bytes) -> list[tuple[Array, Array]]:
-    """Times (N,) [s] and positions (D, N) [mm] of each demonstration, as another process reads."""
+    """Times (N,) [s] and positions (D, N) [mm] of each demonstration, read by another process."""
     command = [sys.executable, "-I", mat_process.__file__]
     try:
         read = subprocess.run(command, input=data, capture_output=True, timeout=_PATIENCE)

@@ -1,4 +1,4 @@
-"""Datasets of LeRobot (v2 and v3): the state columns of their parquet files, an episode a track.
+"""LeRobot datasets (v2 and v3): the state columns of parquet files, a track per episode.
 
 `pyarrow` reads them; it is an extra: pip install "pepper-drake[formats]".
 """
@@ -26,7 +26,7 @@ STATE = "observation.state"
 _MOST_ROWS = 2_000_000
 _MOST_FILES = 1000
 _MOST_VALUES = 8_000_000
-"""Numbers of a file: a hundred bytes each, once they are read."""
+"""Largest number of values in a file: about a hundred bytes each in memory."""
 
 
 def is_dataset(path: Path) -> bool:
@@ -92,7 +92,7 @@ def _features(root: Path, path: Path) -> tuple[list[str], float]:
 
 
 def _flat(names: Any) -> list[str]:
-    """Names of columns in their order; some group them, as {"motors": [...]} or [[...]]."""
+    """Names of columns in order, flattened from groups such as {"motors": [...]} or [[...]]."""
     if isinstance(names, str):
         return [names]
     groups = names.values() if isinstance(names, dict) else names
@@ -126,13 +126,13 @@ def _rows(file: Path, rate: float) -> list[tuple[int, float, Any]]:
         return [(int(e), float(t), s) for e, t, s in zip(episodes, times, states, strict=True)]
     except InputError:
         raise
-    except Exception as error:  # pyarrow raises what its parser meets.
+    except Exception as error:  # pyarrow may raise anything.
         text = " ".join(str(error).split())[:120]
         raise InputError(f"{file}: not a parquet file that can be read ({text})") from None
 
 
 def _values(metadata: Any, columns: list[str]) -> int:
-    """Number of values in some columns of a parquet file, as its metadata says."""
+    """Number of values in some columns of a parquet file, from its metadata."""
     groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
     chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
     return sum(

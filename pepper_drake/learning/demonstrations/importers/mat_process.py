@@ -1,9 +1,9 @@
-"""A program of its own that reads the LASA set's `demos` from a MATLAB file.
+"""A separate program that reads the LASA set's `demos` from a MATLAB file.
 
     python -I mat_process.py < motion.mat > arrays.npz
 
-scipy's compiled reader ends the process on some damaged files; here that is this one. It ends with
-`NO_DEMOS` for another MATLAB file, and for a broken one with 1 and a sentence on standard error.
+scipy's compiled reader crashes on some damaged files; here it only takes this process with it. The
+exit code is `NO_DEMOS` for another MATLAB file, and 1 for a broken one, with a sentence on stderr.
 """
 
 import io
@@ -15,14 +15,14 @@ import numpy as np
 from scipy.io import loadmat
 
 MOST = 100
-"""Demonstrations that are read of a file."""
+"""Largest number of demonstrations read from a file."""
 NO_DEMOS = 3
 
 
 def main() -> int:
     """Reads from standard input, and writes arrays t0, pos0, t1, ... to standard output."""
-    warnings.simplefilter("ignore")  # Of variables that are not read.
-    # The library's type hints do not know streams, nor names of arrays.
+    warnings.simplefilter("ignore")  # About variables that are not read.
+    # The library's type hints lack streams and names of arrays.
     stream: Any = io.BytesIO(sys.stdin.buffer.read())
     arrays: dict[str, Any] = {}
     try:
@@ -32,7 +32,7 @@ def main() -> int:
         for k, demo in enumerate(np.atleast_1d(content["demos"])[:MOST]):
             arrays[f"t{k}"] = np.asarray(demo.t, dtype=float).ravel()
             arrays[f"pos{k}"] = np.asarray(demo.pos, dtype=float)
-    except Exception as error:  # Its parser raises what it meets: any kind.
+    except Exception as error:  # scipy may raise anything.
         sys.stderr.write(f"{type(error).__name__}: {' '.join(str(error).split())[:120]}")
         return 1
     written = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Exports of motion capture: OptiTrack Motive's CSV and Vicon Nexus' or Tracker's CSV."""
+"""Motion-capture exports: CSV of OptiTrack Motive, and of Vicon Nexus or Tracker."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ _VICON_OTHERS = ("devices", "joints", "model outputs", "events")
 
 
 def is_motive(table: Table) -> bool:
-    """Tells whether a table is Motive's: its first row has the format's version."""
+    """Tells whether a table is Motive's: its first row gives the format's version."""
     return bool(table.rows) and table.rows[0][0].lower() == "format version"
 
 
@@ -35,7 +35,7 @@ def is_vicon(table: Table) -> bool:
 
 
 def _trajectories(table: Table) -> Table:
-    """Returns the part of Vicon's export with the places of objects or markers."""
+    """Returns the part of Vicon's export with the positions of objects or markers."""
     titles = [
         k
         for k, row in enumerate(table.rows)
@@ -54,7 +54,7 @@ def read_motive(table: Table) -> list[Track]:
     """Reads Motive's export: one track for each rigid body, or for each marker.
 
     Raises:
-        InputError: The header is broken, or there is nothing in it.
+        InputError: The header is broken, or it holds no motion.
     """
     path = table.path
     head = [i for i, row in enumerate(table.rows[:20]) if row[0].lower() == "frame"]
@@ -117,7 +117,7 @@ def read_vicon(table: Table) -> list[Track]:
     """Reads Vicon's export: one track for each object or marker.
 
     Raises:
-        InputError: The header is broken, or there is nothing in it.
+        InputError: The header is broken, or it holds no motion.
     """
     path, table = table.path, _trajectories(table)
     if len(table.rows) < 4:

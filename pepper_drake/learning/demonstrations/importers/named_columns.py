@@ -29,8 +29,8 @@ from pepper_drake.learning.demonstrations.importers.track import Track
 Array = npt.NDArray[np.float64]
 Lines = npt.NDArray[np.int64]
 ReadColumns = Callable[[Sequence[int]], tuple[Array, Lines | None, list[int]]]
-"""Returns the values (N, K) of K columns, the lines (N,) of their rows where there are lines, and
-those of rows that hold no values."""
+"""Returns the values (N, K) of K columns, their rows' lines (N,) or None where there are no lines,
+and the lines of rows without values."""
 
 _SIZES = {
     "position": 3,
@@ -44,7 +44,7 @@ _LABELS = {
     "trial", "episode", "episode_index", "demo", "demonstration", "take", "rep", "repetition",
     "body", "object", "rigid_body", "rigidbody", "marker", "subject", "child_frame_id",
 }  # fmt: skip
-"""Columns that say which of several motions a row belongs to."""
+"""Columns that label the motion of a row."""
 
 _MOST_PARTS = 1000
 
@@ -55,11 +55,11 @@ _SECOND_PARTS = {
 
 
 def find_header(table: Table) -> tuple[list[str], int] | None:
-    """Returns the names of the columns and the first row of data, None where none are named.
+    """Returns the columns' names and the first row of data, or None where there are no names.
 
-    The names are the nearest row above the data with a known name in it, or the last comment before
-    the data that has as many names as there are columns, all of them known, or time and position
-    among them. A row of units below the names is joined to them.
+    The header is the nearest row above the data that contains a known name, or else the last
+    comment before the data with one name per column, all of them known or time and position among
+    them. A row of units below the names is joined to them.
     """
     start = first_data(table)
     if start is None:
@@ -72,11 +72,11 @@ def find_header(table: Table) -> tuple[list[str], int] | None:
     for row in reversed(table.rows[:above]):
         num_known = sum(meaning(word) is not None for word in row)
         fits = len(row) in (width - 1, width)
-        # Words between blanks may be a sentence.
+        # Words separated by blanks may be a sentence.
         if num_known and len(row) > 1 and (fits or (num_known > 1 and table.separator != " ")):
             return _with_units(row, units), start
     if start and len(table.rows[start - 1]) == width:
-        return list(table.rows[start - 1]), start  # Names, but none that is known.
+        return list(table.rows[start - 1]), start  # Names, but none is known.
     line = table.lines[start]
     for number, comment in reversed(table.comments):
         if number > line:
@@ -87,7 +87,7 @@ def find_header(table: Table) -> tuple[list[str], int] | None:
             split(comment, " "),
         ):
             known = [m for word in words if (m := meaning(word)) is not None]
-            # A comment in words has few of them; a header names the time and the position.
+            # A sentence has few known words; a header names time and position.
             if len(words) == width and (
                 len(known) == len(words) or {"time", "position"} <= {m.kind for m in known}
             ):
@@ -116,18 +116,18 @@ def read_named_columns(table: Table, names: list[str], first: int) -> list[Track
     """Reads a table with named columns, in any order; one track for each body in it.
 
     Args:
-        table: The words.
-        names: Of the columns.
+        table: The table.
+        names: Names of the columns.
         first: The first row with data.
 
     Raises:
-        InputError: There is no motion in it, or a row is broken.
+        InputError: It holds no motion, or a row is broken.
     """
     path = table.path
     rows = [
         (row, line)
         for row, line in zip(table.rows[first:], table.lines[first:], strict=True)
-        if not first or row != table.rows[first - 1]  # A header that is repeated.
+        if not first or row != table.rows[first - 1]  # Not a repeated header.
     ]
     if not rows:
         raise InputError(f"{path}: a header without rows of numbers below it")
@@ -151,7 +151,7 @@ def read_named_columns(table: Table, names: list[str], first: int) -> list[Track
 def _parts(
     names: Sequence[str], rows: list[tuple[tuple[str, ...], int]]
 ) -> dict[str, list[tuple[tuple[str, ...], int]]]:
-    """Returns the rows of each motion, where a column says which of several a row belongs to."""
+    """Returns the rows by motion, where a column labels the motion of each row."""
     for i, name in enumerate(names):
         if re.split(r"[./ ]", name.strip().lower())[-1] in _LABELS:
             parts: dict[str, list[tuple[tuple[str, ...], int]]] = {}
@@ -186,16 +186,16 @@ def _read_one(table: Table, names: list[str]) -> list[Track]:
 def tracks_of_columns(
     path: Path, where: str, names: Sequence[str], read: ReadColumns
 ) -> list[Track]:
-    """Returns the motions in named columns, one for each body, joints with the only one; or none.
+    """Returns the motions in named columns, one per body; joints join a single body.
 
     Args:
         path: The file.
-        where: The place of the names, for messages.
-        names: Of the columns.
-        read: Reads some of them.
+        where: Place of the names, for messages.
+        names: Names of the columns.
+        read: Reads the columns of given indices.
 
     Raises:
-        InputError: Columns contradict each other, or what is in them is broken.
+        InputError: Columns contradict each other, or their content is broken.
     """
     found = [meaning(name) for name in names]
     for name, m in zip(names, found, strict=True):
@@ -239,7 +239,7 @@ def tracks_of_columns(
 
 
 def _with_seconds(table: Table, names: list[str]) -> tuple[Table, list[str]]:
-    """Returns the table with one more column where seconds and their parts are in two."""
+    """Returns the table with a time column added where seconds and their fraction have two."""
     lower = [re.split(r"[._/ ]", name.strip("\"' ").lower()) for name in names]
     for i, words in enumerate(lower):
         if words[-1] not in ("sec", "secs"):
@@ -261,7 +261,7 @@ def _seconds(row: Sequence[str], i: int, j: int, scale: float) -> str:
 
 
 def _names_in_rows(names: list[str], row: tuple[str, ...]) -> list[str]:
-    """Returns the header with joint names in it where the rows hold these, as rostopic writes."""
+    """Returns the header with joint names from the rows filled in, as rostopic writes these."""
     lower = [name.strip().lower() for name in names]
     result = list(names)
     for i, name in enumerate(lower):
@@ -275,7 +275,7 @@ def _names_in_rows(names: list[str], row: tuple[str, ...]) -> list[str]:
 
 
 def _time_column(found: list[Meaning | None]) -> tuple[int | None, bool]:
-    """Returns the column with the time, and whether it may be a clock's."""
+    """Returns the time column, and whether it may hold a clock's time."""
     times = [i for i, m in enumerate(found) if m is not None and m.kind == "time"]
     if not times:
         return None, False
@@ -304,7 +304,7 @@ def _frame(names: list[str], row: tuple[str, ...]) -> str | None:
 
 
 def _groups(names: Sequence[str], found: list[Meaning | None]) -> dict[str, dict[str, list[int]]]:
-    """Returns, for each body that has a whole position: kind of value, columns by axis."""
+    """Returns the columns of each body with a complete position: kind of value, axes."""
     groups: dict[str, dict[str, dict[int, int]]] = {}
     for i, m in enumerate(found):
         if m is not None and m.kind in _SIZES:
@@ -316,7 +316,7 @@ def _groups(names: Sequence[str], found: list[Meaning | None]) -> dict[str, dict
                     " put another body's name before its columns (cup_x)"
                 )
             axes.setdefault(m.axis, i)
-    # A velocity or an angle whose name has no body belongs to the only body there is.
+    # A velocity or an angle without a body's name belongs to the only body.
     bodies = [name for name, kinds in groups.items() if "position" in kinds]
     bodies = [name for name in bodies if not is_command(name)] or bodies
     if len(bodies) == 1:

@@ -1,4 +1,4 @@
-"""Tables of numbers without names: what the columns are is told by what is in them."""
+"""Tables of numbers without names: the meaning of the columns is inferred from the values."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,22 +27,22 @@ _MATRICES = (12, 13, 16, 17)
 """Columns of a 3 x 4 or 4 x 4 matrix, without and with a time."""
 
 _AGREES = 0.1
-"""Share of a column's range by which the integral of its derivative may miss it."""
+"""Largest error of the integral of a derivative, as a share of the column's range."""
 
 
 def are_derivatives(times: Array, values: Array, rates: Array, share: float = _AGREES) -> bool:
-    """Tells whether columns (N, D) are the derivatives of others, by the trapezoidal rule.
+    """Tells whether `rates` (N, D) are the derivatives of `values`, by the trapezoidal rule.
 
-    The integral of the rates must give the values within a share of their range (of their common
-    range, so that a column at rest may be noisy).
+    The integral of the rates must match the values within a share of their range (of their common
+    range, as a column at rest may be noisy).
     """
     return derivative_error(times, values, rates) <= share
 
 
 def derivative_error(times: Array, values: Array, rates: Array) -> float:
-    """Returns the largest difference of values (N, D) and the integral of rates, by their range.
+    """Returns the largest difference of values (N, D) and integrated rates, relative to range.
 
-    The range is the larger of both: 0 for derivatives, 1 where one moves and the other does not.
+    The larger range of the two counts: 0 for derivatives, 1 where one moves and the other does not.
     """
     steps = np.diff(times)[:, None]
     integral = np.concatenate(
@@ -56,9 +56,9 @@ def derivative_error(times: Array, values: Array, rates: Array) -> float:
 
 
 def dimensions(table: Array) -> int | None:
-    """Returns D where the columns are time, D values, D rates and D curvatures, else None.
+    """Returns D if the columns are time, D values and their first and second derivatives, or None.
 
-    D values whose columns agree as derivatives twice over are no chance.
+    Agreement of both derivatives is no coincidence.
     """
     width = table.shape[1] - 1
     if width % 3 or len(table) < 8:
@@ -76,7 +76,7 @@ def read_number_columns(table: Table) -> list[Track]:
     """Reads a table without names.
 
     Raises:
-        InputError: A row is broken, or the columns say nothing of what they are.
+        InputError: A row is broken, or the columns' meaning cannot be inferred.
     """
     path, width = table.path, len(table.rows[0])
     for column, word in enumerate(table.rows[0], start=1):
@@ -141,7 +141,7 @@ def _trajectory(base: Track, values: Array, d: int) -> Track:
 
 
 def _matrices(base: Track, values: Array) -> Track | None:
-    """Returns poses of rows of a 3 x 4 or 4 x 4 matrix (KITTI), None where they are none."""
+    """Returns poses from rows of a 3 x 4 or 4 x 4 matrix (KITTI), or None if they are not poses."""
     timed = values.shape[1] % 2
     matrices = values[:, timed:].reshape(len(values), -1, 4)
     turns = matrices[:, :3, :3]

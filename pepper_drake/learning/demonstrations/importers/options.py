@@ -1,4 +1,4 @@
-"""Options of a recording that its file does not state."""
+"""Import options: what a recording's file does not state."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pepper_drake.errors import InputError
 from pepper_drake.short_repr import short_repr, short_signature
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
-"""Units of length and what each is in metres."""
+"""Units of length, in metres."""
 
 ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
-"""Units of angle and what each is in radians."""
+"""Units of angle, in radians."""
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "day": 86400.0}
-"""Units of time and what each is in seconds."""
+"""Units of time, in seconds."""
 
 QUATERNIONS = ("wxyz", "xyzw")
 
@@ -36,7 +36,7 @@ _CHOICES: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """Options given by the user; None where the file is to say it.
+    """Options given by the user; None leaves it to the file.
 
     Attributes:
         unit: Of lengths: m, cm, mm, um, in or ft.
@@ -45,16 +45,16 @@ class ImportOptions:
         quaternion: Order of its four columns: wxyz or xyzw.
         frame: Frame of the positions: torso, or base_footprint (Pepper upright).
         arm: Which arm moves: left or right.
-        up: Axis of the recording that points up: z, or y as motion capture has it; y becomes z,
+        up: Axis of the recording that points up: z, or y as in motion capture; y becomes z,
             and z becomes -y.
         plane: Pose of the plane on which a two-dimensional path lies, in T: x, y, z [m], roll,
             pitch, yaw [rad]. The path's coordinates are along the plane's x and y axes.
         start: (3,) where the motion starts in T [m]; the whole motion is shifted there.
-        rate: Samples a second [Hz], where the file has no times.
+        rate: Sampling rate [Hz]; replaces the file's times.
         track: Name or number (from 1) of the motion, where a file holds several.
-        drop_outliers: Leave out single samples that jump away and back, in place of refusing them.
-        clip_joints: Bring joints that are up to 0.5 rad beyond Pepper's limits to the limit, as
-            ALMotion does, in place of refusing them.
+        drop_outliers: Leave out single samples that jump away and back, instead of refusing them.
+        clip_joints: Clip joints up to 0.5 rad beyond Pepper's limits, as ALMotion does, instead of
+            refusing them.
     """
 
     unit: str | None = None
@@ -75,7 +75,7 @@ class ImportOptions:
     __signature__ = short_signature
 
     def __post_init__(self) -> None:
-        """Refuses what is no choice."""
+        """Refuses unknown choices and malformed numbers."""
         for name, choices in _CHOICES.items():
             value = getattr(self, name)
             if value is not None and value not in choices:

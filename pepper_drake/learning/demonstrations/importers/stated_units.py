@@ -1,4 +1,4 @@
-"""Units, order and frame that a table says in its comments, in words."""
+"""Units, quaternion order and frame stated in a table's comments."""
 
 import re
 from collections.abc import Iterable
@@ -29,9 +29,9 @@ _FRAME = re.compile(r"\bframe(?:_id)?\s*[:=]\s*['\"/]*([A-Za-z]\w*)")
 
 
 def with_comments(tracks: list[Track], comments: Iterable[tuple[int, str]]) -> list[Track]:
-    """Returns tracks with what comments say where the columns' names say nothing.
+    """Returns tracks with units, order and frame from comments where the columns' names give none.
 
-    Comments that contradict each other say nothing.
+    Contradictory comments are ignored.
     """
     lower = [text.lower() for _, text in comments]
     unit = _only(unit_of(m[1]) for text in lower for m in _LENGTHS.finditer(text))
@@ -54,6 +54,6 @@ def with_comments(tracks: list[Track], comments: Iterable[tuple[int, str]]) -> l
 
 
 def _only(found: Iterable[str | None]) -> str | None:
-    """Returns what all say, None where they differ or nothing is said."""
+    """Returns the value on which all agree, or None."""
     values = set(found)
     return values.pop() if len(values) == 1 else None

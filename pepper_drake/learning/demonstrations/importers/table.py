@@ -1,4 +1,4 @@
-"""Tables in text files, whatever separates their columns."""
+"""Tables in text files, with any separator."""
 
 import csv
 import math
@@ -18,12 +18,12 @@ from pepper_drake.files import read_bytes, refuse_pointer
 Array = npt.NDArray[np.float64]
 
 LARGEST = 256 * 2**20
-"""A file with more bytes than this is no recording of a movement."""
+"""Largest size of a file [bytes]; larger ones are no recording of a movement."""
 
 MOST_ROWS = 2_000_000
 
 LARGEST_NUMBER = 1e20
-"""Clocks in nanoseconds reach 2e18; nothing that is recorded exceeds this."""
+"""Largest number accepted; clocks in nanoseconds reach 2e18."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,11 @@ class Table:
 
     Attributes:
         path: For messages.
-        comments: Lines that begin with #, // or %, without that sign, with their numbers.
+        comments: Lines that begin with #, // or %, without that sign, with line numbers.
         rows: Of words, stripped.
         lines: The line of each row.
         separator: Between columns: a comma, a semicolon, a tab, a bar, or a space for white space.
-        clocks: Columns that hold dates or times of day; they were made seconds.
+        clocks: Columns with dates or times of day, converted to seconds.
     """
 
     path: Path
@@ -48,10 +48,10 @@ class Table:
 
 
 def check_file(path: Path) -> None:
-    """Refuses what cannot be a file of a recording: nothing there, a pipe, gigabytes, a pointer.
+    """Refuses a missing or oversized file, a pipe or device, and a Git LFS pointer.
 
     Raises:
-        InputError: With the mend.
+        InputError: The message says what to do.
     """
     try:
         status = path.stat()
@@ -75,7 +75,7 @@ def check_file(path: Path) -> None:
 
 
 def read_table_text(path: Path) -> str:
-    """Returns the text of a file: UTF-8, UTF-16 with its mark, or a single-byte code.
+    """Returns the text of a file: UTF-8, UTF-16 with a byte order mark, or Latin-1.
 
     Raises:
         InputError: The file cannot be read, or is not text.
@@ -95,7 +95,7 @@ def read_table_text(path: Path) -> str:
 
 
 def parse_words(path: Path, text: str | None = None) -> Table:
-    """Reads a table of words; what separates them is what leaves the most numbers.
+    """Reads a table of words, with the separator that yields most numbers.
 
     Raises:
         InputError: The file cannot be read, or has too many rows.
@@ -107,7 +107,7 @@ def parse_words(path: Path, text: str | None = None) -> Table:
     content: list[tuple[int, str]] = []
     for number, line in enumerate(text.split("\n"), start=1):
         bare = line.strip().strip("\x1a")
-        # A name may begin with %, as rostopic's %time does; its line has commas.
+        # A header may begin with %, such as rostopic's %time; its line has commas.
         if bare.startswith(("#", "//")) or (bare[:1] == "%" and not content and "," not in bare):
             comments.append((number, bare.lstrip("#%/ ")))
         elif bare.strip(';,\t| "') and not _EXCEL.fullmatch(bare):
@@ -121,12 +121,12 @@ def parse_words(path: Path, text: str | None = None) -> Table:
 
 
 def find_separator(lines: Sequence[str]) -> str:
-    """Returns what separates the columns: what leaves most numbers in twenty middle lines."""
+    """Returns the separator that yields most numbers in the middle twenty lines."""
     first = max(0, len(lines) // 2 - 10)
     middle = [line.partition("#")[0] for line in lines[first : first + 20]]
 
     def count(separator: str) -> int:
-        # A comma that separates is no decimal comma.
+        # A separating comma is not a decimal comma.
         rows = [split(line, separator) for line in middle]
         words = [word for row in rows if len(row) > 1 for word in row]
         return sum(is_number(word) and not (separator == "," and "," in word) for word in words)
@@ -139,12 +139,12 @@ def find_separator(lines: Sequence[str]) -> str:
 
 
 _EXCEL = re.compile(r'"?sep=.?"?', re.IGNORECASE)
-"""A first line by which Excel is told the separator."""
+"""A first line that tells Excel the separator."""
 
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
 _DAY_AND_TIME = re.compile(r"(\d{4}-\d\d-\d\d) +(?=\d\d:\d\d)")
 _SPACE_BEFORE_UNIT = re.compile(r"(?<=\w)[ \t]+(?=[\[(][^\W\d_]{1,12}[\])])")
-"""As in `x [mm] y [mm]`: the name and its unit are one word."""
+"""As in `x [mm] y [mm]`: name and unit make one word."""
 _CLOCK = re.compile(r"(?:(?:(\d{1,2}):)?(\d{1,2}):)(\d{1,2}(?:[.,]\d+)?)")
 
 
@@ -202,7 +202,7 @@ def is_number(word: str) -> bool:
 
 
 def _float(word: str) -> float:
-    """Reads a number, with Fortran's exponent (1.5D-01) as well."""
+    """Reads a number; Fortran's exponent (1.5D-01) is accepted."""
     try:
         return float(word)
     except ValueError:
@@ -220,7 +220,7 @@ def number(word: str, where: str, decimal_comma: bool = False) -> float:
         decimal_comma: The file writes 0,5 for a half.
 
     Raises:
-        InputError: It is none, or not finite, or absurdly large.
+        InputError: It is not a number, not finite, or above `LARGEST_NUMBER`.
     """
     try:
         value = _float(word.replace(",", ".", 1) if decimal_comma else word)
@@ -249,8 +249,8 @@ def numbers(
 ) -> tuple[Array, npt.NDArray[np.int64], list[int]]:
     """Reads columns of the rows from `first` on.
 
-    Rows in which one of the columns is empty hold nothing, as motion capture writes where it sees
-    no marker, and are left out.
+    Rows in which one of the columns is empty are left out: motion capture writes them while a
+    marker is not visible.
 
     Returns:
         The numbers (N, len(columns)), their lines (N,), and the lines that were left out.

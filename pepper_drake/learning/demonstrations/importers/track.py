@@ -1,4 +1,4 @@
-"""A motion as a file has it, before its units, order and frame are known."""
+"""A motion as read from a file, before its units, order and frame are known."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Lines = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """N samples; whatever the file does not say is None.
+    """N samples; what the file does not state is None.
 
     Attributes:
         path: The file, for messages.
         name: Of the motion.
-        kind: The format, in words.
+        kind: The format, for messages.
         times: (N,) in `time_unit`; None where the file has no times.
         positions: (N, D) in `unit`, D from 1 to 3; None where only joints were recorded.
-        velocities: (N, D), by the units of positions and times.
-        accelerations: (N, D), by the units of positions and times.
+        velocities: (N, D), in the units of positions and times.
+        accelerations: (N, D), in the units of positions and times.
         rotations: (N, 4) quaternions in the order `quaternion`.
         angles: (N, 3), (N, 6) or (N, 9) roll, pitch, yaw, then their rates and accelerations, in
             `angle_unit`.
@@ -38,8 +38,8 @@ class Track:
         quaternion: wxyz or xyzw.
         frame: Name of the frame of positions and rotations.
         lines: (N,) lines of the file, where it has lines.
-        notes: What was found out and has to be said.
-        absolute: Times are those of a clock; the motion's begin is then its time 0.
+        notes: Remarks for the user.
+        absolute: Whether times may be a clock's; the motion then starts at time 0.
     """
 
     path: Path
@@ -75,7 +75,7 @@ class Track:
         return 0
 
     def without_repeats(self) -> Track:
-        """Returns the track without rows that are the row before once more, time and all."""
+        """Returns the track without rows that repeat the row before, time included."""
         if self.times is None:
             return self
         names = ("times", "positions", "velocities", "accelerations", "rotations", "angles")

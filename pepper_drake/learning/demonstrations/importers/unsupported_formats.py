@@ -1,4 +1,4 @@
-"""Formats that are not read, by name, and how to get what they hold."""
+"""Formats that are not read, by name, and how to export their content."""
 
 from pathlib import Path
 
@@ -64,7 +64,7 @@ def refuse_code(path: Path) -> None:
     """Refuses program code, which is not run.
 
     Raises:
-        InputError: With how to get the motion out.
+        InputError: The message says how to get the motion out.
     """
     if path.suffix.lower() in _CODE:
         raise InputError(
@@ -77,7 +77,7 @@ def refuse_foreign(path: Path) -> None:
     """Refuses a file of a known format that is not read.
 
     Raises:
-        InputError: With the format's name, and how to get a table of it.
+        InputError: The message names the format and how to export a table.
     """
     try:
         with path.open("rb") as file:
