@@ -176,15 +176,15 @@ class TaskSettings:
     name: str = ""
     """For reports; made from its number if empty."""
     demonstration: str = ""
-    """Folder or file of the movement that was taught for it; the reach's own if empty."""
+    """Folder or file of the task's demonstration; that of the reach if empty."""
     wait: float = 0.0
-    """Time to stay where the hand is, instead of a movement [s]."""
+    """Time to hold the hand's pose instead of a movement [s]."""
     offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    """Goal of the hand from its pre-grasp pose, x, y, z in the goal object's frame [m]."""
+    """Goal of the hand relative to its pre-grasp pose, x, y, z in the goal object's frame [m]."""
     hand: float | None = None
-    """Opening that the hand goes to instead of a movement, from 0, closed, to 1, open."""
+    """Opening of the hand to set instead of a movement, from 0, closed, to 1, open."""
     returns: bool = False
-    """True to go back to where the hand was before the reach."""
+    """True to return to the hand's pose before the reach."""
 
     def check(self) -> None:
         """Raises InputError unless it is a single task with sensible values."""
@@ -227,31 +227,31 @@ class _Tasks:
 
 @dataclass
 class Scenario:
-    """All that a reach depends on, as Drake's YAML loader reads it."""
+    """Complete input of a reach, in the form that Drake's YAML loader reads."""
 
     seed: int = 0
-    """Seed of all randomness: the sensors' noise, and the errors of a worn robot."""
+    """Seed of all random numbers: the sensors' noise and the errors of a worn robot."""
     scene: Scene = field(default_factory=lambda: load_scene("table"))
     demonstration: str = ""
-    """Folder or file of the demonstration to perform; the one that ships if empty."""
+    """Folder or file of the demonstration to perform; the one shipped with the package if empty."""
     learning: LearningParams = field(default_factory=LearningParams)
-    """Parameters of learning the movement from it."""
+    """Parameters of learning the movement from the demonstration."""
     avoid_obstacles: bool = True
-    """True to let the scene's coupling bend the movement around obstacles."""
+    """True to use the scene's obstacle coupling."""
     robot: str = "ideal"
-    """The robot as in its model, or "worn", with errors that the seed draws."""
+    """Robot model: "ideal" or "worn", the latter with errors drawn from the seed."""
     calibration: str = ""
     """File with the calibration of this robot; none if empty."""
     faults: list[str] = field(default_factory=list)
-    """Signals that fail, as SIGNAL:KIND@START[+DURATION]."""
+    """Faults of signals, as SIGNAL:KIND@START[+DURATION]."""
     gentle: bool = False
     """True to keep every point of the arm below 250 mm/s."""
     tasks: list[TaskSettings] = field(default_factory=list)
-    """Tasks of the arm after the reach, in sequence."""
+    """Sequence of arm tasks after the reach."""
     push: list[float] = field(default_factory=list)
-    """Force at the hand on its way, x, y, z in W [N]; none if empty."""
+    """Force on the hand during the movement, x, y, z in W [N]; none if empty."""
     push_at: float = 1.5
-    """Start of the push after the arm's start [s]."""
+    """Time of the push after the arm's start [s]."""
     station: StationSettings = field(default_factory=StationSettings)
     """The simulated robot and its cameras."""
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
@@ -261,17 +261,17 @@ class Scenario:
     controller: DifferentialIkParams = field(default_factory=DifferentialIkParams)
     """The arm's inverse kinematics."""
     supervisor: ReachTiming = field(default_factory=ReachTiming)
-    """Durations, timeouts, and the time that planning takes."""
+    """Durations, timeouts and planning latency."""
     safety: SafetyParams = field(default_factory=SafetyParams)
-    """When the robot is stopped, and how the base drives and brakes."""
+    """Stopping criteria of the robot, and driving and braking of the base."""
     contact: ContactParams = field(default_factory=ContactParams)
-    """When a joint counts as held by something."""
+    """Contact detection at the joints."""
     barrier: BarrierSettings = field(
         default_factory=lambda: BarrierSettings(**vars(hand_barrier()))
     )
     """Constants of the coupling "barrier"."""
     compliance: ComplianceSettings = field(default_factory=ComplianceSettings)
-    """Compliance of an arm that is pushed; without a push it is stiff."""
+    """Compliance of the arm under a push; without a push it is stiff."""
 
     def barrier_coupling(self) -> BarrierCoupling:
         """Returns the barrier with the scenario's constants."""
@@ -281,7 +281,7 @@ class Scenario:
         """Checks what the types do not express.
 
         Raises:
-            InputError: A field makes no sense, or clearances or tolerances are out of order.
+            InputError: A value is out of range, or clearances or tolerances are out of order.
         """
         self.scene.check()
         self.learning.check()
@@ -307,7 +307,7 @@ class Scenario:
         parse_faults(self.faults)
 
     def reaching_config(self) -> ReachingConfig:
-        """Returns what `Reaching` is built from.
+        """Returns the configuration from which `Reaching` is built.
 
         Raises:
             InputError: The calibration cannot be read, or is that of another robot.
@@ -394,7 +394,7 @@ def movement_and_config(
 
     Args:
         scenario: The scenario.
-        primitive: The movement, if it is not to be learned from the scenario's demonstration.
+        primitive: The movement; learned from the scenario's demonstration if omitted.
 
     Raises:
         InputError: The demonstration cannot be read.
@@ -477,7 +477,7 @@ def load_scenario(
     """Loads a scenario.
 
     Args:
-        path: The YAML file; what it leaves out keeps its default. All defaults if None.
+        path: The YAML file; fields that it omits keep their defaults. All defaults if None.
         settings: Such as `planner.clearance.want=0.02`, on top of the file.
         defaults: Other defaults than usual.
 

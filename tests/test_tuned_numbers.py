@@ -115,7 +115,7 @@ ALLOWED = {
         "numeric": "_LIBRARY_SIZE _SEED _STEPS _DAMPING _TOLERANCE _LARGEST_STEP"
     },
     "planning/safety/safe_command.py": {"numeric": "_SAME"},
-    "planning/reach/barrier_for_path.py": {"numeric": "_TRIED"},
+    "planning/reach/barrier_for_path.py": {"numeric": "_CANDIDATE_DISTANCES"},
     "planning/reach/base_placement.py": {"numeric": "_BATCH"},
     "planning/reach/movement_from_path.py": {"numeric": "_SAMPLES"},
     "planning/reach/observation.py": {"format": "_FUTURE"},

@@ -1,1 +1,1 @@
-"""Teaching and reaching live: the session, its page, what is drawn, and scripts that press keys."""
+"""Live teaching and reaching: the session, its page, its drawing, and scripted user input."""

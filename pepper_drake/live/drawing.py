@@ -1,4 +1,4 @@
-"""Drawing of a live session beside the robot: paths, cloud, guide, coupling, ghost."""
+"""Drawing of a live session apart from the robot: paths, cloud, guide, coupling, ghost."""
 
 import matplotlib
 import numpy as np
@@ -18,20 +18,20 @@ BLACK, GREY, GREEN = (20, 20, 20), (150, 150, 150), (30, 160, 80)
 BLUE, VIOLET, RED = (30, 90, 230), (170, 50, 200), (230, 50, 30)
 
 _FAR = 0.3
-"""At this distance from the hand the cloud is as blue as it gets [m]."""
-_MOVED = 0.003
-"""A goal that moved by less has not moved [m]."""
+"""Distance from the hand at which the cloud's colour saturates at blue [m]."""
+_GOAL_MOVED = 0.003
+"""Displacement of the goal below which it has not moved [m]."""
 _ARROW, _LONGEST_ARROW = 0.04, 0.3
-"""Length of the coupling's arrow for each m/s² [m], and at most."""
-_OUTSIDE = 0.07
-"""Distance [m] of the arrow's foot from the hand's control frame: outside the hand."""
-_PUSHED = 0.2
-"""Weaker couplings are not drawn [m/s²]."""
+"""Length of the coupling's arrow per m/s², and its limit [m]."""
+_ARROW_OFFSET = 0.07
+"""Distance of the arrow's tail from the hand's control frame, outside the hand [m]."""
+_LEAST_COUPLING = 0.2
+"""Weakest coupling that is drawn [m/s²]."""
 _POINT_SPACING = 0.005
 _LIMP = (Mode.GUIDED, Mode.RECORDED)
 _PERFORMS = (Mode.REACHING, Mode.WAITING, Mode.HOLDING)
 _PATH_PERIOD, _CLOUD_PERIOD, _PREDICTION_PERIOD = 4, 6, 16
-"""Numbers of frames between two drawings."""
+"""Numbers of frames between updates."""
 
 
 def cloud_colors(distances: Vector) -> npt.NDArray[np.uint8]:
@@ -42,7 +42,7 @@ def cloud_colors(distances: Vector) -> npt.NDArray[np.uint8]:
 
 
 class LiveDrawing:
-    """Draws a session on its page, frame by frame; the page's legend tells what is what."""
+    """Draws a session on its page, frame by frame; the page has a legend."""
 
     def __init__(self, server: viser.ViserServer, session: LiveSession) -> None:
         self._scene = server.scene
@@ -59,7 +59,7 @@ class LiveDrawing:
         self._add_ghost(session)
 
     def _add_ghost(self, session: LiveSession) -> None:
-        """A pale copy of the hand."""
+        """Adds a translucent copy of the hand."""
         simulation = session.simulation
         plant = simulation.diagram.station.plant
         wrist = plant.GetFrameByName(hand_frame(simulation.arm)).body()
@@ -88,7 +88,7 @@ class LiveDrawing:
                 )
 
     def show_ghost(self, X_WH: RigidTransform | None) -> None:
-        """Puts the ghost of the hand to a pose in W, or hides it."""
+        """Shows the ghost of the hand at a pose in W, or hides it."""
         if X_WH is not None:
             self._ghost.position = X_WH.translation()
             self._ghost.wxyz = X_WH.rotation().ToQuaternion().wxyz()
@@ -96,12 +96,12 @@ class LiveDrawing:
             self._ghost.visible = X_WH is not None
 
     def update(self, session: LiveSession, target_T: RigidTransform, *, predicts: bool) -> None:
-        """Draws what has changed since the last frame.
+        """Draws the changes since the last frame.
 
         Args:
-            session: What happens.
-            target_T: X_TG, where the hand is led.
-            predicts: Whether the prediction is drawn.
+            session: The session.
+            target_T: X_TG, the pose to which the hand is guided.
+            predicts: Whether to draw the prediction.
         """
         simulation = session.simulation
         X_WT = simulation.torso_pose()
@@ -142,9 +142,9 @@ class LiveDrawing:
 
     def _draw_coupling(self, acceleration_W: Vector, p_WH: Vector) -> None:
         size = float(np.linalg.norm(acceleration_W))
-        if size > _PUSHED:
+        if size > _LEAST_COUPLING:
             direction = acceleration_W / size
-            start = p_WH + _OUTSIDE * direction
+            start = p_WH + _ARROW_OFFSET * direction
             end = start + min(_ARROW * size, _LONGEST_ARROW) * direction
             points = np.array([[start, end]], dtype=np.float32)
             self._scene.add_arrows(
@@ -176,7 +176,7 @@ class LiveDrawing:
             return
         if performs and self._color is not VIOLET:
             moved = np.linalg.norm(session.simulation.goal_position() - self._goal_at_start)
-            if moved > _MOVED:
+            if moved > _GOAL_MOVED:
                 self._add(p_WH)
                 self._end()
                 self._count += 1

@@ -1,4 +1,4 @@
-"""The page's legend, as HTML: what is drawn in which colour, and the keys."""
+"""The page's legend as HTML: colours of the drawing, and keys."""
 
 _DRAWN = (
     ("#f03060", "⤢", "arrows, rings", "drag them: the hand follows"),
@@ -40,4 +40,4 @@ LEGEND = (
     + "".join(_row(f"<b>{keys}</b>", meaning) for keys, meaning in _KEYS)
     + "</table><p style='margin:0.6em 0'>A game pad leads the hand, too.</p></div>"
 )
-"""For viser's `add_html`; nothing in it comes from outside."""
+"""For viser's `add_html`; contains no external text."""

@@ -1,4 +1,4 @@
-"""The page: buttons, tabs and pictures on viser, and what a person does with mouse and keys."""
+"""The page on viser: buttons, tabs and pictures, and the user's actions with mouse and keys."""
 
 import queue
 from dataclasses import dataclass
@@ -22,14 +22,14 @@ Vector = npt.NDArray[np.float64]
 
 VIEWS = ("Front", "Shoulder", "Top", "Camera")
 CLEARANCE_SHOWN = 0.5
-"""Clearances are shown up to this [m]: beyond it, or where nothing is seen, they are cut."""
+"""Largest clearance that is shown [m]; larger or infinite ones are clipped."""
 _NO_PICTURE = "What the camera in Pepper's head sees. Rendering it takes time, so ask for it."
 _SIGNALS = (
     ("phase", "Phase: 1 at the start, towards 0 at the end", (0.0, 1.2)),
     ("clearance", "Clearance of the arm [cm], cut at 50", (0.0, 60.0)),
     ("coupling", "Coupling: push of the obstacles [m/s²]", (0.0, 1.2)),
 )
-"""Names and titles of what is plotted, and the range that is shown at least."""
+"""Names, titles and least ranges of the plots."""
 _NEXT = {name: f"Next: {name} ({key.removeprefix('Key')})" for name, key in BUTTONS.items()}
 """Text of the button of the next step: the step and its key."""
 _GROUPS = {"Movement": ("Record", "Stop", "Learn", "Reach"), "Session": ("Undo", "Save")}
@@ -46,14 +46,14 @@ _QUIET: tuple[int, int, int] = (118, 132, 150)
 
 @dataclass(frozen=True)
 class Action:
-    """Something that a person did on the page.
+    """A user's action on the page.
 
     Attributes:
         kind: "press", "hand", "drag", "add", "remove", "trim", "play", "scrub", "discard", "view",
             "over", "key" or "pad".
-        name: What it was done with: a button, an object, a view.
-        values: Numbers that go with it.
-        client: Whose view changes.
+        name: Name of the button, object, view or key.
+        values: Numeric arguments.
+        client: The browser whose view changes.
     """
 
     kind: str
@@ -65,12 +65,12 @@ class Action:
 class LivePage:
     """The controls of a live session on a viser page.
 
-    Viser remembers its controls and shapes: whoever opens the page late sees them as they are.
+    Viser stores its controls and shapes: browsers that open the page later see their present state.
 
     Attributes:
-        server: To draw into.
-        shows_prediction: Whether the prediction is to be drawn.
-        shows_camera: Whether the camera's picture is asked for.
+        server: Server for drawing.
+        shows_prediction: Whether to draw the prediction.
+        shows_camera: Whether to show the camera's picture.
     """
 
     def __init__(
@@ -84,10 +84,10 @@ class LivePage:
         """Adds the controls.
 
         Args:
-            page: With nothing on it.
+            page: An empty page.
             cameras: Whether there is a camera's picture.
             spares: Whether obstacles can be added.
-            lesson: Its title and tasks, if there is one.
+            lesson: The lesson with title and tasks, if any.
         """
         self._page, self.server = page, page.server
         self._actions: queue.SimpleQueue[Action] = queue.SimpleQueue()
@@ -129,7 +129,7 @@ class LivePage:
                 shown.on_update(lambda event: self._show_camera(bool(event.target.value)))
                 self._picture = gui.add_image(np.full((240, 320, 3), 235, np.uint8), visible=False)
                 self._seen = gui.add_markdown(_NO_PICTURE)
-        # Beside the controls: signals are watched while other tabs are used.
+        # Beside the controls, to watch the signals while other tabs are open.
         signals = gui.add_panel()
         with signals.add_tab("Signals over time [s]"):
             self._add_plots()
@@ -145,7 +145,7 @@ class LivePage:
 
     def _add_plots(self) -> None:
         gui = self.server.gui
-        nothing_yet = (np.array([0.0, 1.0]), np.full(2, np.nan))
+        no_data = (np.array([0.0, 1.0]), np.full(2, np.nan))
         self._plots = {}
         for name, title, span in _SIGNALS:
             scales = {
@@ -153,7 +153,7 @@ class LivePage:
                 "y": viser.uplot.Scale(range=span),
             }
             self._plots[name] = gui.add_uplot(
-                nothing_yet,
+                no_data,
                 (
                     viser.uplot.Series(label="time [s]"),
                     viser.uplot.Series(label=name, stroke="#2060c0", width=2),
@@ -180,7 +180,7 @@ class LivePage:
         predicted.on_update(lambda event: self._show_prediction(bool(event.target.value)))
 
     def _take_share(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:  # Moved by a person, and not by the playback.
+        if event.client is not None:  # Moved by the user and not by the playback.
             self._actions.put(Action("scrub", values=(event.target.value / 100,)))
 
     def _take_part(self) -> None:
@@ -191,7 +191,7 @@ class LivePage:
 
     def _show_camera(self, shown: bool) -> None:
         self.shows_camera = shown
-        self._picture.visible = False  # Until there is one of now.
+        self._picture.visible = False  # Until the next picture.
         self._seen.content = "The picture comes in a moment." if shown else _NO_PICTURE
 
     def _view(self, event: viser.GuiEvent) -> None:
@@ -199,7 +199,7 @@ class LivePage:
             self._actions.put(Action("view", event.target.value, client=event.client))
 
     def _add_hand(self) -> None:
-        """The rings and arrows by which the hand is dragged."""
+        """Adds the rings and arrows for dragging the hand."""
         self._hand = self.server.scene.add_transform_controls(
             "/hand", scale=0.16, line_width=3.0, depth_test=False
         )
@@ -212,12 +212,12 @@ class LivePage:
         self._hand.on_update(moved)
 
     def dragged(self, name: str, event: viser.SceneNodeDragEvent) -> None:
-        """Takes note of a drag of what can be moved."""
+        """Registers a drag of a movable object."""
         values = (event.phase, np.array(event.start_position), np.array(event.end_position))
         self._actions.put(Action("drag", name, values))
 
     def actions(self) -> list[Action]:
-        """Returns what was done since this was last asked, keys and game pad included.
+        """Returns the actions since the last call, including keys and gamepad.
 
         Those are of the kinds "key", with the key's name, and "pad", with axes and buttons.
         """
@@ -234,7 +234,7 @@ class LivePage:
         return actions
 
     def show_hand(self, X_WG: RigidTransform, *, visible: bool) -> None:
-        """Puts the rings to a pose of the hand's guide, which can be led if they are visible."""
+        """Moves the rings to a pose of the hand's guide; they can be dragged if visible."""
         if self._hand.visible != visible:
             self._hand.visible = visible
         # Who looks on can drag the rings on their own screen: they are put back once in a while.
@@ -243,7 +243,7 @@ class LivePage:
         self._hand.wxyz = X_WG.rotation().ToQuaternion().wxyz()
 
     def sight(self) -> tuple[Vector, Vector]:
-        """Returns right and ahead along the floor, (3,) in W, of who last turned a view."""
+        """Returns the directions right and ahead (3,) in W, along the floor, of the last view."""
         clients = [c for c in self.server.get_clients().values() if c.camera.update_timestamp > 0]
         if not clients:
             return np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
@@ -265,11 +265,11 @@ class LivePage:
 
     @property
     def status(self) -> str:
-        """The status as it is on the page."""
+        """The status shown on the page."""
         return self._status
 
     def show_status(self, mode: str, words: str, hint: str = "") -> None:
-        """Shows what Pepper is doing, and what one can do next."""
+        """Shows mode, status and hint."""
         title = mode.capitalize()
         words = words.removeprefix(f"{title}: ").removeprefix(f"{title}, ")
         words = words[:1].upper() + words[1:]
@@ -281,34 +281,34 @@ class LivePage:
             self._status = self._words.content = status
 
     def show_next(self, button: str) -> None:
-        """Offers the next step as the large button: red if it is Stop, blue otherwise."""
+        """Sets the large button to the next step: red for Stop, blue otherwise."""
         if button != self._next:
             self._next = button
             self._next_button.label = _NEXT[button]
             self._next_button.color = "red" if button == "Stop" else "blue"
 
     def show_demonstrations(self, text: str) -> None:
-        """Shows what is known of the demonstrations, as Markdown."""
+        """Shows the list of demonstrations, as Markdown."""
         self._list.content = text
         # What is left of a trimmed one is whole. Viser has a setter.
         self._part.value = (0, 100)  # type: ignore[misc]
 
     def show_progress(self, share: float) -> None:
-        """Puts the slider of the playback to a share of the demonstration."""
+        """Sets the playback slider to a fraction of the demonstration."""
         self._scrub.value = round(100 * share)  # type: ignore[misc] # Viser has a setter.
 
     def show_signals(self, times: Vector, signals: dict[str, Vector]) -> None:
         """Draws signals (N,) over times (N,) [s]."""
         for name, values in signals.items():
             self._plots[name].data = (times, values)
-        # In steps, so that the axis does not move with every sample.
+        # Rescale in steps, so that the axis does not change with every sample.
         top = float(2.0 ** np.ceil(np.log2(max(1.0, signals["coupling"].max()))))
         if top != self._coupling_shown:
             plot, self._coupling_shown = self._plots["coupling"], top
             plot.scales = {**(plot.scales or {}), "y": viser.uplot.Scale(range=(0.0, 1.2 * top))}
 
     def show_picture(self, picture: npt.NDArray[np.uint8], words: str) -> None:
-        """Shows the camera's picture (H, W, 3), and what was found in it."""
+        """Shows the camera's picture (H, W, 3) with a caption."""
         self._picture.image = picture
         self._picture.visible = True
         self._seen.content = words

@@ -1,4 +1,4 @@
-"""Pepper and its scene on a viser page: the shapes of Drake's SceneGraph, where they are."""
+"""Draws Pepper and its scene on a viser page: the shapes of Drake's SceneGraph."""
 
 from collections.abc import Callable, Mapping
 
@@ -28,13 +28,13 @@ from pepper_drake.models.markers import marker_png, plate_size
 Vector = npt.NDArray[np.float64]
 
 _FLIP = RotationMatrix(np.diag([1.0, -1.0, -1.0]))
-"""Viser's images have z into them and y down; markers have z out of them and y up."""
+"""Viser's images have z into the image and y down; markers have z out of the marker and y up."""
 _STILL = 1e-5
-"""A body that moved by less is not sent again [m, or of a quaternion]."""
+"""Change of a pose below which it is not sent again [m, or of a quaternion]."""
 
 
 def triangles_of(shape: Shape) -> trimesh.Trimesh | None:
-    """Returns a shape as a triangle mesh in its own frame [m]; None for one that has no picture."""
+    """Returns a shape as a triangle mesh in its own frame [m]; None for unsupported shapes."""
     if isinstance(shape, Box):
         return trimesh.creation.box(extents=shape.size())
     if isinstance(shape, Sphere):
@@ -60,7 +60,7 @@ class RobotDrawing:
     """Draws all bodies of a SceneGraph, and moves them.
 
     Attributes:
-        bodies: The scene tree's frame of each body, by the body's name.
+        bodies: Frame of each body in the scene tree, by the body's name.
     """
 
     def __init__(
@@ -72,14 +72,14 @@ class RobotDrawing:
         draggable: Mapping[str, Callable[[viser.SceneNodeDragEvent], None]],
         labels: Mapping[str, str],
     ) -> None:
-        """Draws all bodies where they are by default.
+        """Draws all bodies in their default poses.
 
         Args:
-            server: Where to.
-            inspector: Of the SceneGraph.
-            marker: The goal's: its number, and its size [m].
-            draggable: What is told when a body of that name is dragged with the mouse.
-            labels: What is written above a body of that name.
+            server: Server of the page.
+            inspector: Inspector of the SceneGraph.
+            marker: Number and size [m] of the goal's marker.
+            draggable: Callbacks for dragging with the mouse, by the body's name.
+            labels: Labels above bodies, by the body's name.
         """
         self._server, self._marker = server, marker
         self.bodies: dict[str, viser.FrameHandle] = {}
@@ -141,7 +141,7 @@ class RobotDrawing:
         )
 
     def update(self, query: QueryObject) -> None:
-        """Moves the bodies to where they are."""
+        """Moves the bodies to their present poses."""
         for frame, node in self._frames.items():
             X = query.GetPoseInWorld(frame)
             pose = np.concatenate((X.translation(), X.rotation().ToQuaternion().wxyz()))

@@ -1,4 +1,4 @@
-"""A session of teaching on a robot: its limp arm is led, and all that was shown is learned."""
+"""Teaching session on a robot: its limp arm is guided, and all demonstrations are learned."""
 
 from dataclasses import dataclass, replace
 
@@ -18,8 +18,8 @@ class RobotLesson:
     """Results of one demonstration on a robot.
 
     Attributes:
-        recording: How it was recorded.
-        taught: The session's demonstrations with it, and the movement learned from them.
+        recording: The recording.
+        taught: The session's demonstrations including this one, and the movement learned from them.
     """
 
     recording: RobotRecording
@@ -29,20 +29,20 @@ class RobotLesson:
 def teach_robot(
     folder: SessionFolder, access: RobotAccess, options: RobotRecordOptions
 ) -> RobotLesson:
-    """Records a demonstration on a robot, and learns one movement from all of the session.
+    """Records a demonstration on a robot, and learns a movement from all those of the session.
 
-    The folder is one that the page of `apps/teach.py` goes on with, and the other way round.
+    The page of `apps/teach.py` can continue the session in the folder, and vice versa.
 
     Args:
-        folder: The session's, of the arm that is led.
-        access: Way to the robot.
-        options: How it is recorded; in a folder of its own.
+        folder: Folder of the session, for the arm that is guided.
+        access: Access to the robot.
+        options: Options of the recording, with a folder of its own.
 
     Raises:
         LinkFault: As `record_robot`.
         StoppedError: As `record_robot`.
-        InputError: A file of the session cannot be read or written, or what was shown is not the
-            same movement as before; it is kept then, but does not count.
+        InputError: A file of the session cannot be read or written, or the demonstration is not of
+            the same movement as the others; then it is saved, but not used.
     """
     before = folder.taught(options.arm)
     recording = record_robot(access, options)

@@ -1,4 +1,4 @@
-"""Scripts that press the buttons of a live session, lead the hand and move what can be moved."""
+"""Scripts that press the buttons of a live session, guide the hand and move objects."""
 
 from collections.abc import Callable
 from copy import deepcopy
@@ -20,24 +20,24 @@ from pepper_drake.systems.guiding.scripted_guide import GuidePath
 
 SCRIPTS_DIR = MODELS_DIR / "sessions"
 SCRIPTS = ("story",)
-"""The names of the scripts that ship."""
+"""Names of the scripts shipped with the package."""
 
 
 @dataclass
 class ScriptStep:
-    """One thing to do, and for how long to look on afterwards; at most one of the first four."""
+    """At most one action, `press`, `lead`, `move` or `until`, and a waiting time after it."""
 
     press: str = ""  # A button of the page.
-    lead: list[ViaPoint] = field(default_factory=list)  # Times from when the leading begins.
-    move: str = ""  # What can be moved, by its name in the scene ...
-    to: list[float] = field(default_factory=list)  # ... to this offset x, y, z in the world [m].
-    until: str = ""  # Wait for this mode; `wait` is for how long at most [s].
-    wait: float = 0.0  # [s] of simulated time.
+    lead: list[ViaPoint] = field(default_factory=list)  # Guided hand poses; times from the start.
+    move: str = ""  # An object's name in the scene ...
+    to: list[float] = field(default_factory=list)  # ... and its new offset x, y, z in W [m].
+    until: str = ""  # A mode to wait for, for at most `wait`.
+    wait: float = 0.0  # Simulated time [s].
 
 
 @dataclass
 class LiveScript:
-    """Script of a session: a person's actions on the page, step by step."""
+    """Script of a session: the user's actions on the page, step by step."""
 
     name: str = ""
     description: str = ""
@@ -45,7 +45,7 @@ class LiveScript:
     steps: list[ScriptStep] = field(default_factory=list)
 
     def check(self) -> None:
-        """Raises InputError, in one sentence that names the field, if it makes no sense."""
+        """Raises InputError, in one sentence that names the field, for an invalid value."""
         if self.arm not in ("left", "right"):
             raise InputError(f'arm is "{self.arm}"; it must be left or right')
         if not self.steps:
@@ -67,10 +67,10 @@ class LiveScript:
 
 
 def load_script(name_or_path: str) -> LiveScript:
-    """Loads and checks a script that ships (by its name) or a YAML file.
+    """Loads and checks a shipped script, by its name, or a YAML file.
 
     Raises:
-        InputError: With one sentence that names the file and the field.
+        InputError: It is invalid; one sentence names the file and the field.
     """
     path = Path(name_or_path)
     if name_or_path in SCRIPTS:
@@ -86,16 +86,16 @@ def load_script(name_or_path: str) -> LiveScript:
 
 
 def play(show: LiveApp, script: LiveScript, tell: Callable[[str], None]) -> None:
-    """Does what a script says, on the page itself.
+    """Performs a script on the page itself.
 
     Args:
         show: The session and its page.
-        script: For the session's arm, and of what its scene has.
-        tell: Is told what was done and what came of it, line by line.
+        script: Script for the session's arm and scene.
+        tell: Called with one line about each action and its result.
 
     Raises:
-        PepperDrakeError: What a step waits for did not come.
-        InputError: The script moves what cannot be moved.
+        PepperDrakeError: The mode that a step waits for was not reached.
+        InputError: The script moves an object that is not movable.
     """
     for step in script.steps:
         session = show.session
@@ -115,7 +115,7 @@ def play(show: LiveApp, script: LiveScript, tell: Callable[[str], None]) -> None
 
 
 def _lead(show: LiveApp, step: ScriptStep) -> None:
-    """Leads the hand from where it is through via points."""
+    """Guides the hand from its present pose through via points."""
     session = show.session
     path = GuidePath(
         [0.0, *(via.time for via in step.lead)],

@@ -1,4 +1,4 @@
-"""One live session: what Pepper does next when a person presses a button."""
+"""A live session: Pepper's response to the buttons."""
 
 import contextlib
 import time
@@ -28,19 +28,19 @@ from pepper_drake.systems.robot.arm_command import ArmMode
 Vector = npt.NDArray[np.float64]
 
 _SHORTEST_WAY = 0.03
-"""A recording in which the hand goes less far is no movement [m]."""
+"""Least path length of the hand in a recording [m]."""
 _AT_START = 0.015
-"""The arm is back at the start within this [rad]."""
+"""Joint error below which the arm has returned to the start [rad]."""
 _FEWEST = 10
-"""A trimmed demonstration has at least so many samples."""
+"""Least number of samples of a trimmed demonstration."""
 _PATIENCE = 3.0
-"""Time [s] that the arm may take to settle at the start."""
+"""Longest settling time of the arm at the start [s]."""
 _NOTICE = 4.0
-"""Time [s] for which the result of a button is shown."""
+"""Time for which the result of a button is shown [s]."""
 
 
 class Mode(StrEnum):
-    """Mode of the session, in a word."""
+    """Modes of the session."""
 
     GUIDED = "guided"
     RECORDED = "recorded"
@@ -66,14 +66,14 @@ _OF_REACH = {
 class LiveSession:
     """Session of teaching and reaching, advanced frame by frame.
 
-    The buttons of the page are its methods `record`, `stop`, `learn`, `reach` and `save`; what
-    comes of them is in `mode` and `status`. Where a button makes no sense, `status` says why, and
-    nothing else happens. `advance` goes on to the next frame.
+    The buttons of the page call the methods `record`, `stop`, `learn`, `reach` and `save`, whose
+    results are in `mode` and `status`. A button that does not apply only sets `status` to the
+    reason. `advance` proceeds to the next frame.
 
     Attributes:
         simulation: The robot.
-        taught: What was taught, but for the objects' places, which are the simulation's.
-        resumed: What the session went on with, in words; empty if it began anew.
+        taught: The taught movement, apart from the objects' places, which the simulation holds.
+        resumed: What the session resumed with, in words; empty for a new session.
     """
 
     def __init__(
@@ -82,16 +82,16 @@ class LiveSession:
         folder: SessionFolder | Path | None = None,
         lesson: SessionFolder | None = None,
     ) -> None:
-        """Goes on with the folder's session; or with the lesson; or with nothing taught yet.
+        """Resumes the folder's session, or begins with the lesson, or with nothing taught.
 
         Args:
             simulation: The robot.
-            folder: Everything is kept there as it happens, a recording in `recording/` while it is
-                made, and survives whatever ends the session. Left out, nothing is written.
-            lesson: What the session begins with, and `start_over` goes back to.
+            folder: Folder to which every change is written at once, a recording to `recording/`
+                while it is made, so that nothing is lost if the session ends. None writes nothing.
+            lesson: The initial state of the session, to which `start_over` returns.
 
         Raises:
-            InputError: Of the session or the lesson something is missing or broken.
+            InputError: A file of the session or the lesson is missing or broken.
         """
         self.simulation, self._lesson = simulation, lesson
         self._folder = SessionFolder(folder) if isinstance(folder, Path) else folder
@@ -116,27 +116,27 @@ class LiveSession:
 
     @property
     def demonstration(self) -> Demonstration | None:
-        """The last recording, if there is one."""
+        """The last demonstration, if any."""
         return self.taught.demonstration
 
     @property
     def shown(self) -> tuple[Demonstration, ...]:
-        """All that was recorded and not discarded; Learn learns from them together."""
+        """All demonstrations, from which Learn learns together."""
         return self.taught.shown
 
     @property
     def primitive(self) -> MovementPrimitive | None:
-        """The last primitive that was learned, if there is one."""
+        """The primitive learned last, if any."""
         return self.taught.primitive
 
     @property
     def lesson(self) -> SessionRecord | None:
-        """Title and tasks of the lesson, if there is one."""
+        """Title and tasks of the lesson, if any."""
         return self._lesson.record if self._lesson is not None else None
 
     @property
     def mode(self) -> Mode:
-        """Present mode: the person's, or else the reach's."""
+        """Present mode: the user's, or else the reach's."""
         if self._doing is not None:
             return self._doing
         state = self.simulation.reach_state()
@@ -147,8 +147,8 @@ class LiveSession:
     @property
     def status(self) -> str:
         """Status in words, or for some seconds the result of a button."""
-        told = self.simulation.time < self._notice_until
-        return self._notice if told else self._describe()
+        has_notice = self.simulation.time < self._notice_until
+        return self._notice if has_notice else self._describe()
 
     @property
     def next_button(self) -> str:
@@ -162,7 +162,7 @@ class LiveSession:
         return "Reach" if self.taught.learned is self.demonstration else "Learn"
 
     def record(self) -> None:
-        """Takes the arm limp, if it is not, and records from now on."""
+        """Makes the arm limp, if it is not, and starts to record."""
         if self.mode == Mode.RECORDED:
             self._notify("Already recording; Stop ends it")
             return
@@ -176,7 +176,7 @@ class LiveSession:
         self._enter(Mode.RECORDED)
 
     def stop(self) -> None:
-        """Ends what is going on; the arm is limp then, and the guide holds the hand."""
+        """Ends the present activity; then the arm is limp, and the guide holds the hand."""
         if self.mode == Mode.RECORDED:
             self._end_recording()
         elif self.mode == Mode.GUIDED:
@@ -210,7 +210,7 @@ class LiveSession:
             self._keep()
 
     def reach(self) -> None:
-        """Takes the arm back to where the movement starts, and performs it."""
+        """Returns the arm to the start of the movement, and performs it."""
         if self.mode == Mode.RECORDED:
             self.is_limp_for("Reach")
         elif self.taught.learned is None:
@@ -258,22 +258,22 @@ class LiveSession:
         """Moves the goal object or an obstacle to an offset (3,) in W [m] from its place.
 
         Raises:
-            InputError: There is nothing of that name that can be moved.
+            InputError: There is no movable object of that name.
         """
         self.simulation.set_offset(name, offset)
 
     def begin_move(self) -> None:
-        """Remembers where the objects stand, for Undo, before one of them is moved."""
+        """Stores the objects' places for Undo before one of them is moved."""
         self._change()
 
     def end_move(self, words: str = "") -> None:
-        """Keeps where the objects stand, and tells what was done to them."""
+        """Saves the objects' places, and shows a result in words."""
         if words:
             self._notify(words)
         self._keep()
 
     def undo(self) -> None:
-        """Takes back what was last recorded, trimmed, discarded, learned, moved or added."""
+        """Undoes the last recording, trimming, discarding, learning, moving or adding."""
         if not self._before:
             self._notify("There is nothing to undo")
             return
@@ -301,9 +301,9 @@ class LiveSession:
             self._keep()
 
     def predicted(self) -> Vector:
-        """Returns the hand's path (N, 3) in T [m] to where the goal is now, as it was learned.
+        """Returns the primitive's path of the hand (N, 3) in T to the present goal [m].
 
-        It is the primitive's, without obstacles; empty before there is one.
+        It ignores obstacles; empty before a primitive was learned.
         """
         if self.primitive is None:
             return np.zeros((0, 3))
@@ -311,13 +311,13 @@ class LiveSession:
         return self.primitive.rollout(time_step=0.05, goal=goal).positions
 
     def _change(self, **taught: Any) -> None:
-        """Changes what was taught, and remembers for Undo how everything was."""
+        """Changes the taught state, and stores the previous one for Undo."""
         now = replace(self.taught, offsets=self.simulation.offsets())
         self._before.append(now)
         self.taught = replace(now, **taught)
 
     def _restore(self, taught: Taught, *, at_once: bool = False) -> None:
-        """Puts everything as it was."""
+        """Restores a taught state."""
         self.taught = taught
         if taught.primitive is not None:
             self.simulation.set_primitive(taught.primitive)
@@ -333,11 +333,11 @@ class LiveSession:
         return replace(taught, shown=tuple(stored.values()), learned=learned)
 
     def _numbered(self, motion: Demonstration) -> Demonstration:
-        """Gives a demonstration a number of its own in this session's folder."""
+        """Names a demonstration by a new number in this session's folder."""
         return motion if self._folder is None else self._folder.named(motion)
 
     def _keep(self) -> None:
-        """Writes what has changed, so that nothing is lost whatever ends the session."""
+        """Writes all changes, so that nothing is lost if the session ends."""
         if self._folder is None:
             return
         try:
@@ -346,7 +346,7 @@ class LiveSession:
             self._notify(str(error))
 
     def save(self) -> None:
-        """Writes the demonstration's files and `primitive.yaml`, as far as there are any."""
+        """Writes the demonstration's files and `primitive.yaml`, if they exist."""
         if self._folder is None:
             self._notify("There is no folder to save in")
         elif self.demonstration is None and self.mode == Mode.RECORDED:
@@ -366,14 +366,14 @@ class LiveSession:
             self._notify(f"Saved {kept} in {self._folder.path}")
 
     def advance(self, attend: Callable[[], None] = lambda: None) -> None:
-        """Simulates up to the next frame, and lets one thing follow from the other.
+        """Simulates up to the next frame, and advances recording and return.
 
         Args:
-            attend: Called now and several times on the way, for what a person does meanwhile.
+            attend: Called at the start and several times in between, to process user input.
 
         Raises:
-            PepperDrakeError: The simulation cannot go on.
-            InputError: What is recorded cannot be written.
+            PepperDrakeError: The simulation cannot continue.
+            InputError: The recording cannot be written.
         """
         self.simulation.advance(attend)
         if self._writer is not None:
@@ -386,7 +386,7 @@ class LiveSession:
         return self.simulation.time - self._since
 
     def _enter(self, doing: Mode) -> None:
-        """Begins what a person does, or the return to where the movement starts."""
+        """Begins a user's activity, or the return to the movement's start."""
         returns = doing == Mode.RETURNING
         self.simulation.set_arm_mode(ArmMode.JOINTS if returns else ArmMode.LIMP)
         self._doing, self._since, self._notice_until = doing, self.simulation.time, 0.0
@@ -396,7 +396,7 @@ class LiveSession:
         names = self.simulation.diagram.recorder.joint_names
         self._enter(Mode.GUIDED)
         recorded: Demonstration | None = None
-        with contextlib.suppress(InputError):  # There are hardly any samples.
+        with contextlib.suppress(InputError):  # Too few samples.
             recorded = recorded_demonstration(times, samples, names)
         if recorded is None or recorded.path_length < _SHORTEST_WAY:
             self._end_writing(None)
@@ -413,7 +413,7 @@ class LiveSession:
         self._keep()
 
     def _end_writing(self, demonstration: Demonstration | None) -> None:
-        """Ends the file that is written while it is recorded; None leaves nothing of it."""
+        """Finishes the file of the running recording, or deletes it for None."""
         if self._writer is None:
             return
         with self._writer:
@@ -424,16 +424,16 @@ class LiveSession:
         self._writer = None
 
     def _return(self) -> None:
-        """Takes the arm a bit further back, and reaches once it is at the start.
+        """Continues the return of the arm, and starts the reach once it is at the start.
 
-        What stops the arm on its way is for the reach to tell, and so is what it starts with.
+        If the arm was stopped or does not settle, the reach starts, too, and reports the reason.
         """
-        way, elapsed = self._retrace, self._elapsed
-        assert way is not None
-        self.simulation.set_joint_target(way.at(elapsed))
-        behind = float(np.abs(self.simulation.joints() - way.at(elapsed)).max())
-        is_there = elapsed >= way.duration and behind < _AT_START
-        if is_there or self.simulation.is_stopped() or elapsed > way.duration + _PATIENCE:
+        path, elapsed = self._retrace, self._elapsed
+        assert path is not None
+        self.simulation.set_joint_target(path.at(elapsed))
+        error = float(np.abs(self.simulation.joints() - path.at(elapsed)).max())
+        has_returned = elapsed >= path.duration and error < _AT_START
+        if has_returned or self.simulation.is_stopped() or elapsed > path.duration + _PATIENCE:
             self.simulation.reach()
             self._doing, self._since = None, self.simulation.time
 
@@ -445,14 +445,14 @@ class LiveSession:
         return self.mode == Mode.GUIDED
 
     def tell(self, words: str) -> None:
-        """Shows the result of something that was done on the page, for some seconds."""
+        """Shows the result of an action on the page for some seconds."""
         self._notify(words)
 
     def _notify(self, words: str) -> None:
         self._notice, self._notice_until = words, self.simulation.time + _NOTICE
 
     def _describe(self) -> str:
-        """Says what is going on, and what one can do next."""
+        """Returns a sentence about the present activity and the next step."""
         if self.mode == Mode.GUIDED:
             return self._describe_next()
         if self.mode == Mode.RECORDED:

@@ -1,8 +1,8 @@
-"""A session's folder: what was taught and where things stand, written as it happens.
+"""A session's folder: demonstrations, movement and objects' places, written as they change.
 
-`session.yaml` names the demonstrations (folders of `demonstrations/`) that count, the one that
-`primitive.yaml` was last learned from, and where the objects stand. A session goes on from it after
-a restart, and a teacher prepares with it what a class begins with: a lesson.
+`session.yaml` names the valid demonstrations (folders of `demonstrations/`), the last one that
+`primitive.yaml` was learned from, and the objects' places. A session resumes from it after a
+restart, and a teacher can prepare with it what a class begins with: a lesson.
 """
 
 import shutil
@@ -23,18 +23,18 @@ Offset = tuple[float, float, float]
 SESSION, DEMONSTRATIONS, PRIMITIVE = "session.yaml", "demonstrations", "primitive.yaml"
 LESSONS_DIR = MODELS_DIR / "lessons"
 LESSONS = tuple(sorted(path.parent.name for path in LESSONS_DIR.glob(f"*/{SESSION}")))
-"""Names of the lessons that ship."""
+"""Names of the lessons shipped with the package."""
 
 
 @dataclass(frozen=True)
 class Taught:
-    """Everything that Undo brings back.
+    """The state that Undo restores.
 
     Attributes:
-        shown: The demonstrations, the last one last; each is kept in a folder of its name.
-        primitive: What was learned last.
-        learned: The last demonstration of those that `primitive` was learned from.
-        offsets: Where the objects that can be moved stand, from their places in the scene [m].
+        shown: The demonstrations, oldest first; each is stored in a folder of its name.
+        primitive: The movement learned last.
+        learned: The last of the demonstrations that `primitive` was learned from.
+        offsets: Offsets of the movable objects from their places in the scene [m].
     """
 
     shown: tuple[Demonstration, ...] = ()
@@ -48,7 +48,7 @@ class Taught:
         return self.shown[-1] if self.shown else None
 
     def taught_the_same(self, other: "Taught") -> bool:
-        """Tells whether nothing but objects' places differs from another."""
+        """Tells whether all but the objects' places equals that of another."""
         same = self.primitive is other.primitive and self.learned is other.learned
         return same and self.shown == other.shown
 
@@ -57,19 +57,19 @@ class Taught:
 class SessionRecord:
     """The fields of `session.yaml`."""
 
-    title: str = ""  # A lesson's, shown on the page with ...
-    tasks: list[str] = field(default_factory=list)  # ... what the class is to do, one by one.
-    lesson: str = ""  # What the session began with: a lesson's name or folder.
-    script: str = ""  # What led the hand, if nobody did.
-    scene: str = ""  # A scene's name or file; empty: the one for teaching.
+    title: str = ""  # Title of a lesson, shown on the page with ...
+    tasks: list[str] = field(default_factory=list)  # ... the tasks of the class.
+    lesson: str = ""  # Name or folder of the lesson that the session began with.
+    script: str = ""  # Script that guided the hand, if any.
+    scene: str = ""  # Name or file of the scene; empty: the one for teaching.
     arm: str = ""  # left or right; empty: the scene's.
-    move: list[str] = field(default_factory=list)  # Obstacles that can be moved besides.
+    move: list[str] = field(default_factory=list)  # Additional movable obstacles.
     demonstrations: list[str] = field(default_factory=list)
-    learned: str = ""  # Empty: nothing was learned, and primitive.yaml does not count.
-    offsets: dict[str, list[float]] = field(default_factory=dict)  # x, y, z in the world [m].
+    learned: str = ""  # Empty: nothing was learned, and primitive.yaml is ignored.
+    offsets: dict[str, list[float]] = field(default_factory=dict)  # x, y, z in W [m].
 
     def check(self) -> None:
-        """Raises InputError, in a sentence that names the field, if a value makes no sense."""
+        """Raises InputError, in a sentence that names the field, for an invalid value."""
         if self.arm not in ("", "left", "right"):
             raise InputError(f'arm is "{self.arm}"; it must be left or right')
         for name, offset in self.offsets.items():
@@ -78,11 +78,11 @@ class SessionRecord:
 
 
 class SessionFolder:
-    """A folder with a session in it, or to put one into.
+    """A folder that holds a session, or will hold one.
 
     Attributes:
         path: The folder.
-        record: What `session.yaml` says; as it is by default where there is none yet.
+        record: Content of `session.yaml`; the defaults if there is none yet.
     """
 
     def __init__(self, path: Path) -> None:
@@ -105,7 +105,7 @@ class SessionFolder:
         return (self.path / SESSION).exists()
 
     def taught(self, arm: str) -> Taught:
-        """Reads what was taught to an arm, "left" or "right".
+        """Reads the taught movement of an arm, "left" or "right".
 
         Raises:
             InputError: A file is missing, broken, or of the other arm.
@@ -132,14 +132,14 @@ class SessionFolder:
         return replace(motion, name=name)
 
     def named(self, motion: Demonstration) -> Demonstration:
-        """Returns a demonstration named by the next free number; `write` writes it."""
+        """Returns a demonstration named by the next free number; `write` saves it."""
         folder = self.path / DEMONSTRATIONS
         taken = [int(path.name) for path in folder.glob("*") if path.name.isdecimal()]
         self._last = max([self._last, *taken]) + 1
         return replace(motion, name=f"{self._last:02d}")
 
     def write(self, taught: Taught) -> None:
-        """Writes what is new of the demonstrations, `primitive.yaml`, and last `session.yaml`.
+        """Writes new demonstrations, `primitive.yaml`, and last `session.yaml`.
 
         Raises:
             InputError: They cannot be written.
@@ -161,10 +161,10 @@ class SessionFolder:
         save_yaml(self.record, self.path / SESSION)
 
     def begin_anew(self) -> Path | None:
-        """Makes the folder one without a session; what a person taught is kept.
+        """Clears the folder for a new session; a person's teaching is moved to a subfolder.
 
         Returns:
-            The folder in which it is kept, a session's as well; None if there was nothing.
+            The subfolder, which is a session's folder as well; None if nothing was moved.
 
         Raises:
             InputError: It cannot be moved.
@@ -176,7 +176,7 @@ class SessionFolder:
         while (aside := self.path / f"earlier-{number}").exists():
             number += 1
         try:
-            if record.script:  # The script can do it again.
+            if record.script:  # The script can be repeated.
                 (self.path / SESSION).unlink()
                 return None
             aside.mkdir()
@@ -189,7 +189,7 @@ class SessionFolder:
 
 
 def find_lesson(name_or_folder: str) -> SessionFolder:
-    """Finds a lesson that ships, by its name, or a folder with a session in it.
+    """Finds a shipped lesson, by its name, or a folder with a session.
 
     Raises:
         InputError: There is none, or it cannot be read.

@@ -1,4 +1,4 @@
-"""A live session on its page: what is done there happens, what happens is shown."""
+"""Connects a live session with its page: user input and drawing."""
 
 from collections import deque
 from collections.abc import Callable
@@ -34,33 +34,33 @@ Vector = npt.NDArray[np.float64]
 
 _HINT_PERIOD = 1.0
 _SLOW = 0.8
-"""Below this share of real time the page says that it is slow."""
+"""Fraction of real time below which the page reports a slow computer."""
 _WORDS = {Mode.GUIDED: "ready", Mode.RECORDED: "recording"}
-"""Modes that the page names otherwise than scripts do."""
+"""Names on the page of modes that are named differently in scripts."""
 _LIMP = (Mode.GUIDED, Mode.RECORDED)
 _SIGNAL_PERIOD, _PLOT_PERIOD, _PICTURE_PERIOD = 4, 16, 32
-"""Numbers of frames between two samples, two drawings of the plots, and two camera pictures."""
+"""Numbers of frames between samples, updates of the plots, and camera pictures."""
 _HISTORY = 160
-"""Samples that the plots show: 20 s of what Pepper does by itself."""
+"""Number of samples in the plots: 20 s of autonomous motion."""
 _TOWARDS, _ASIDE, _UP = 0.08, 0.22, 0.12
-"""Place of an added obstacle, from the goal: towards Pepper, aside, up [m]."""
+"""Place of an added obstacle relative to the goal: towards Pepper, aside, up [m]."""
 
 
 class LiveApp:
-    """Puts a session, its page and its drawing together, frame by frame.
+    """Runs a session with its page and its drawing, frame by frame.
 
     Attributes:
-        session: What happens.
-        page: The controls; None where nobody looks on.
-        target: X_TG, where the hand is led.
+        session: The session.
+        page: The controls; None for a session without a page.
+        target: X_TG, the pose to which the hand is guided.
     """
 
     def __init__(self, session: LiveSession, page: LivePage | None) -> None:
         """Shows a session.
 
         Args:
-            session: What happens.
-            page: On which page, if on any.
+            session: The session.
+            page: The page, if any.
         """
         self.session, self.page = session, page
         self.target = session.simulation.guide_pose()
@@ -99,7 +99,7 @@ class LiveApp:
         server.initial_camera.up = tuple(up)
 
     def press(self, button: str) -> None:
-        """Does what a button says."""
+        """Performs the action of a button."""
         session = self.session
         {
             "Record": session.record,
@@ -114,16 +114,16 @@ class LiveApp:
         """Moves the goal object or an obstacle to an offset (3,) in W [m].
 
         Raises:
-            InputError: There is nothing of that name that can be moved.
+            InputError: There is no movable object of that name.
         """
         self.session.move(name, offset)
 
     def lead(self, X_TG: RigidTransform) -> None:
-        """Leads the hand to a pose in T."""
+        """Guides the hand to a pose in T."""
         self.target = RigidTransform(X_TG)
 
     def step(self) -> None:
-        """Does what is done on the page, simulates one frame, and shows it."""
+        """Processes user input, simulates one frame, and shows it."""
         self.session.advance(self._attend)
         if self.page is not None:
             self._show(self.page)
@@ -131,21 +131,21 @@ class LiveApp:
         self._frame += 1
 
     def _attend(self) -> None:
-        """Does what was done on the page since this was last called."""
+        """Processes the page's actions since the last call."""
         for action in self.page.actions() if self.page is not None else ():
             self._do(action)
         mode = self.session.mode
         if mode in _LIMP:
             self._lead(entered=self._mode not in _LIMP)
             if self.page is not None and self._checks % CHECKS == CHECKS // 2:
-                # In the middle of the frame: whoever leads the hand sees it move sooner.
+                # In the middle of the frame, to shorten the delay of guiding.
                 with self.page.server.atomic():
                     self._robot.update(self.session.simulation.query())
                 self.page.server.flush()
         self._mode, self._checks = mode, self._checks + 1
 
     def _lead(self, *, entered: bool) -> None:
-        """Moves the guide as mouse, keys or game pad say."""
+        """Moves the guide by mouse, keys or gamepad."""
         simulation, velocity = self.session.simulation, self._pad_velocity
         simulation.set_guide_velocity(velocity)
         if entered or np.any(velocity):
@@ -153,9 +153,9 @@ class LiveApp:
         simulation.set_guide_target(self.target)
 
     def _do(self, action: Action) -> None:
-        """Does one thing that a person did."""
+        """Processes one action."""
         session, kind = self.session, action.kind
-        doings: dict[str, Callable[[Action], None]] = {
+        handlers: dict[str, Callable[[Action], None]] = {
             "press": lambda a: self.press(a.name),
             "hand": self._take_hand,
             "key": self._step_hand,
@@ -170,7 +170,7 @@ class LiveApp:
             "view": self._turn,
             "over": lambda a: session.start_over(),
         }
-        doings[kind](action)
+        handlers[kind](action)
 
     def _take_hand(self, action: Action) -> None:
         position, wxyz = action.values
@@ -188,7 +188,7 @@ class LiveApp:
         self._pad_velocity = gamepad_velocity(GamepadState.of(*action.values), GamepadParams())
 
     def _drag(self, action: Action) -> None:
-        """Moves an object with the point at which it was grabbed."""
+        """Moves an object by the point at which it was grabbed."""
         simulation, name = self.session.simulation, action.name
         phase, start, end = action.values
         if phase == "start":
@@ -208,7 +208,7 @@ class LiveApp:
             self.session.end_move()
 
     def add(self, name: str) -> None:
-        """Puts one of `SPARES` beside the goal, on the taught arm's side."""
+        """Adds one of `SPARES` beside the goal, on the taught arm's side."""
         simulation = self.session.simulation
         side = 1.0 if simulation.arm == "left" else -1.0
         place = simulation.position("goal_object") + [-_TOWARDS, side * _ASIDE, _UP]
@@ -219,7 +219,7 @@ class LiveApp:
         self.session.end_move(words)
 
     def remove_added(self) -> None:
-        """Takes all of `SPARES` out of the scene."""
+        """Removes all of `SPARES` from the scene."""
         simulation = self.session.simulation
         added = [name for name in SPARES if simulation.offset(name).any()]
         if not added:
@@ -252,7 +252,7 @@ class LiveApp:
             self.page.look(action.client, *self.view(action.name))
 
     def view(self, name: str) -> tuple[Vector, Vector, Vector]:
-        """Returns where a view is seen from, what is in its middle, and what is up, (3,) in W."""
+        """Returns camera position, target and up direction of a view, (3,) in W."""
         simulation = self.session.simulation
         robot = simulation.scene.robot
         X_WR = RigidTransform(RollPitchYaw(0.0, 0.0, robot.yaw), [robot.x, robot.y, 0.0])
@@ -294,7 +294,7 @@ class LiveApp:
             self._show_picture(page)
 
     def _show_ghost(self, page: LivePage) -> None:
-        """The hand as it was in the demonstration, while that is played back."""
+        """Shows the hand of the demonstration during playback."""
         motion, now = self.session.demonstration, self.session.simulation.time
         if motion is None or self.session.mode != Mode.GUIDED:
             self._play_from = self._ghost_share = None
@@ -349,7 +349,7 @@ class LiveApp:
         return "\n".join([*head, *rows, "", together])
 
     def _describe_pace(self) -> str:
-        """Speed of the simulation in words, once a second."""
+        """Returns the speed of the simulation in words, updated once a second."""
         before, pace = self._pace, self.session.simulation.pace
         wall = pace.wall_seconds - before.wall_seconds
         if wall > _HINT_PERIOD:

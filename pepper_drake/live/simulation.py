@@ -1,4 +1,4 @@
-"""The simulated Pepper of a live session: what it is told, and what it measures, between frames."""
+"""The simulated Pepper of a live session: its commands and measurements between frames."""
 
 import time
 from collections.abc import Callable, Collection, Mapping
@@ -40,14 +40,14 @@ from pepper_drake.systems.robot.arm_command import ArmMode
 Vector = npt.NDArray[np.float64]
 
 PUBLISH_PERIOD = 1 / 32
-"""Between two frames of the page [s]."""
+"""Time between two frames of the page [s]."""
 CHECKS = 4
-"""Times a frame that a person is attended to: what they do waits for no more than 8 ms."""
+"""Number of times per frame that user input is processed: it waits for at most 8 ms."""
 
 
 @dataclass(frozen=True)
 class SimulationRate:
-    """Speed of a session: its duration [s] and its number of frames."""
+    """Duration [s] and number of frames of a session, and its speed."""
 
     simulated_seconds: float = 0.0
     wall_seconds: float = 0.0
@@ -55,22 +55,22 @@ class SimulationRate:
 
     @property
     def realtime_rate(self) -> float:
-        """Simulated seconds by second."""
+        """Simulated time per wall time."""
         return self.simulated_seconds / max(self.wall_seconds, 1e-9)
 
     @property
     def frames_per_second(self) -> float:
-        """Frames by second of wall time."""
+        """Frames per second of wall time."""
         return self.frames / max(self.wall_seconds, 1e-9)
 
 
 class LiveSimulation:
-    """A LiveTeaching diagram and its simulator, from frame to frame.
+    """A LiveTeaching diagram and its simulator, advanced frame by frame.
 
     Attributes:
-        diagram: What is simulated.
+        diagram: The diagram.
         simulator: Its simulator.
-        arm_mode: Who moves the arm.
+        arm_mode: Source of the arm's motion.
     """
 
     def __init__(
@@ -84,16 +84,16 @@ class LiveSimulation:
         spares: bool = False,
         realtime: bool = False,
     ) -> None:
-        """Makes the simulation; Pepper stands where the scene has it, its arm limp and held.
+        """Makes the simulation, with Pepper at its place in the scene, its arm limp and held.
 
         Args:
-            scene: With the goal within reach.
-            config: How the robot is simulated and the loop works.
-            movables: Obstacles that can be moved, besides those that have a path in the scene.
-            coupling: The obstacle coupling's name; the scene's if left out.
-            barrier: Constants of the coupling "barrier"; the usual ones if left out.
-            spares: Whether there are obstacles more that can be put into the scene.
-            realtime: Whether it runs no faster than real time.
+            scene: Scene with the goal within reach.
+            config: Configuration of the robot simulation and of the loop.
+            movables: Movable obstacles besides those that have a path in the scene.
+            coupling: Name of the obstacle coupling; the scene's if omitted.
+            barrier: Constants of the coupling "barrier"; the usual ones if omitted.
+            spares: Whether further obstacles can be added to the scene.
+            realtime: Whether to run no faster than real time.
         """
         movable = with_movable_objects(scene, movables)
         self.diagram = LiveTeaching(
@@ -123,12 +123,12 @@ class LiveSimulation:
 
     @property
     def scene(self) -> Scene:
-        """The scene, with what can be moved on rails."""
+        """The scene, with movable objects on prismatic joints."""
         return self.diagram.scene
 
     @property
     def arm(self) -> str:
-        """The arm that is taught, "left" or "right"."""
+        """The taught arm, "left" or "right"."""
         return self.diagram.arm
 
     @property
@@ -138,11 +138,11 @@ class LiveSimulation:
 
     @property
     def pace(self) -> SimulationRate:
-        """Speed since the start, all included."""
+        """Overall speed since the start."""
         return SimulationRate(self.time, time.perf_counter() - self._began, self._frames)
 
     def begin(self) -> None:
-        """Counts real time from now on: what went by before is not caught up with."""
+        """Restarts the real-time clock, so that time lost before is not caught up."""
         self.simulator.ResetStatistics()
         self._began = time.perf_counter()
 
@@ -150,7 +150,7 @@ class LiveSimulation:
         """Simulates up to the next frame.
 
         Args:
-            attend: Called now and several times on the way, for what a person does meanwhile.
+            attend: Called at the start and several times in between, to process user input.
 
         Raises:
             PepperDrakeError: Drake's solver finds no next step.
@@ -180,17 +180,17 @@ class LiveSimulation:
         return np.array(port.Eval(self._context(port.get_system())))
 
     def samples(self, start: float) -> tuple[Vector, Vector]:
-        """Returns what was recorded from a time on [s]: times (N,) since then, samples (N, 12)."""
+        """Returns the recording since a time [s]: times (N,) from then, samples (N, 12)."""
         times, samples = self.diagram.recorder.samples(self.simulator.get_context())
         recorded = times >= start - 1e-9
         return times[recorded] - start, samples[recorded]
 
     def goal_position(self) -> Vector:
-        """Returns where the hand's goal is (3,) in T [m]."""
+        """Returns the hand's goal (3,) in T [m]."""
         return np.array(self._eval(self.diagram.reaching.controller, "goal_position"))
 
     def goal_distance(self) -> float:
-        """Returns how far the hand is from its goal [m]."""
+        """Returns the distance of the hand to its goal [m]."""
         return float(np.linalg.norm(self.goal_position() - self.hand_pose().translation()))
 
     def has_arrived(self) -> bool:
@@ -199,7 +199,7 @@ class LiveSimulation:
         return self.goal_distance() <= tolerance.arrive
 
     def goal_is_seen(self) -> bool:
-        """Tells whether Pepper knows where the goal is."""
+        """Tells whether Pepper has an estimate of the goal's pose."""
         return bool(self._eval(self.diagram.reaching.perception, "goal_valid")[0])
 
     def cloud(self) -> Vector:
@@ -207,15 +207,15 @@ class LiveSimulation:
         return cloud_points(self._eval(self.diagram.reaching.perception, "cloud"))
 
     def tau(self) -> float:
-        """Returns the duration of the movement, as the goal has extended it so far [s]."""
+        """Returns the duration of the movement, as extended by the goal so far [s]."""
         return float(self._eval(self.diagram.reaching.controller, "tau")[0])
 
     def coupling(self) -> Vector:
-        """Returns what the obstacles do to the hand (3,) in T [m/s²]: C_t / tau²."""
+        """Returns the obstacle coupling's acceleration of the hand C_t / tau² (3,) in T [m/s²]."""
         return np.array(self._eval(self.diagram.reaching.controller, "coupling")) / self.tau() ** 2
 
     def reach_state(self) -> ReachState:
-        """Returns the state of the reach, for its mode and why it failed."""
+        """Returns the state of the reach."""
         supervisor = self.diagram.reaching.supervisor
         return supervisor.progress(self._context(supervisor))
 
@@ -233,11 +233,11 @@ class LiveSimulation:
         return f"as taught, {simulate_taught(planner, seen)[1]}"
 
     def is_stopped(self) -> bool:
-        """Tells whether the safety monitor has stopped the arm since it was told what to do."""
+        """Tells whether the safety monitor has stopped the arm since the last reset."""
         return bool(self._eval(self.diagram.reaching.safety, "stop_reason")[0])
 
     def set_arm_mode(self, mode: ArmMode) -> None:
-        """Changes who moves the arm; it stays where it is, and a stop of it is lifted."""
+        """Changes the source of the arm's motion; the arm holds still, and a stop is reset."""
         limp = mode == ArmMode.LIMP
         if limp != (self.arm_mode == ArmMode.LIMP):
             self.diagram.station.set_stiffness(arm_group(self.arm), 0.0 if limp else 1.0)
@@ -250,14 +250,14 @@ class LiveSimulation:
         self._fix("command", [float(ReachCommand.IDLE)])
 
     def reach(self) -> None:
-        """Lets the hand reach for the goal, from the search for it on."""
+        """Starts a reach, beginning with the search for the goal."""
         if self.arm_mode != ArmMode.HAND:
             self.arm_mode = ArmMode.HAND
             self._fix("arm_mode", [float(ArmMode.HAND)])
         self._fix("command", [float(ReachCommand.REACH)])
 
     def set_guide_target(self, X_TG: RigidTransform) -> None:
-        """Puts the guide's target to a pose in T; the guide follows smoothly."""
+        """Sets the guide's target to a pose in T; the guide follows smoothly."""
         self._fix("guide_target", RigidTransform(X_TG))
 
     def set_guide_velocity(self, velocity: Vector) -> None:
@@ -267,11 +267,11 @@ class LiveSimulation:
             self._fix("guide_velocity", self._guide_velocity)
 
     def set_joint_target(self, joints: Vector) -> None:
-        """Says where the arm goes in the mode JOINTS, (5,) [rad]."""
+        """Sets the joint target of the mode JOINTS (5,) [rad]."""
         self._fix("joint_target", joints)
 
     def set_primitive(self, primitive: MovementPrimitive) -> None:
-        """Says what the arm performs in a reach."""
+        """Sets the primitive to perform in a reach."""
         self._fix("primitive", Value[object](primitive))
 
     def set_offset(self, name: str, offset: Vector) -> None:
@@ -287,7 +287,7 @@ class LiveSimulation:
             self._fix(f"{name}.target", self._offsets[name])
 
     def place(self, name: str, offset: Vector) -> None:
-        """Puts something to an offset (3,) [m] at once, as `set_offset` does by and by.
+        """Moves an object to an offset (3,) [m] at once; `set_offset` does so gradually.
 
         Raises:
             InputError: There is nothing of that name that can be moved.
@@ -302,20 +302,20 @@ class LiveSimulation:
             plant.GetJointByName(f"{name}_{axis}").set_translation(context, value)
 
     def offsets(self) -> dict[str, tuple[float, float, float]]:
-        """Returns the offset [m] to which each thing that can be moved is sent, by its name."""
+        """Returns the target offset [m] of each movable object, by its name."""
         return {name: (o[0], o[1], o[2]) for name, o in self._offsets.items()}
 
     def restore_offsets(
         self, offsets: Mapping[str, tuple[float, float, float]], *, at_once: bool = False
     ) -> None:
-        """Sends everything that can be moved to its offset [m], or home if none is given.
+        """Sends all movable objects to their offsets [m], or home if none is given.
 
         Args:
-            offsets: By name.
-            at_once: Whether it is there at once; what comes from or goes out of the scene is.
+            offsets: Offsets by name.
+            at_once: Whether to move them at once; objects that are added or removed always are.
 
         Raises:
-            InputError: There is nothing of a name that can be moved.
+            InputError: There is no movable object of a name.
         """
         for name in dict.fromkeys([*self._offsets, *offsets]):
             offset = np.array(offsets.get(name, np.zeros(3)))
@@ -323,7 +323,7 @@ class LiveSimulation:
             (self.place if at_once or appears else self.set_offset)(name, offset)
 
     def position(self, name: str) -> Vector:
-        """Returns where something that can be moved is wanted, (3,) in W [m]."""
+        """Returns the target position of a movable object (3,) in W [m]."""
         if name == GOAL_OBJECT:
             start = self.scene.goal.position
         else:
@@ -331,11 +331,11 @@ class LiveSimulation:
         return np.asarray(start) + self._offsets[name]
 
     def offset(self, name: str) -> Vector:
-        """Returns the offset (3,) [m] to which something that can be moved is sent."""
+        """Returns the target offset of a movable object (3,) [m]."""
         return self._offsets[name].copy()
 
     def query(self) -> QueryObject:
-        """Returns where all shapes are."""
+        """Returns the query object of the scene's geometry."""
         return self.diagram.GetOutputPort("ground_truth.query").Eval(self.simulator.get_context())
 
     def phase(self) -> float:
@@ -343,7 +343,7 @@ class LiveSimulation:
         return float(self._eval(self.diagram.reaching.controller, "phase")[0])
 
     def clearance(self) -> float:
-        """Returns how far the arm is from what Pepper sees [m]; infinite while it rests."""
+        """Returns the arm's clearance to the obstacles that Pepper sees [m]; infinite at rest."""
         return float(self._eval(self.diagram.reaching.safety, "clearance")[0])
 
     def camera_picture(self) -> tuple[str, npt.NDArray[np.uint8]] | None:
@@ -364,7 +364,7 @@ class LiveSimulation:
         return frame.CalcPoseInWorld(plant.GetMyContextFromRoot(self._root))
 
     def _take_hand(self) -> None:
-        """Lets the guide take the hand where the hand is now."""
+        """Lets the guide hold the hand in its present pose."""
         self.set_guide_target(self.hand_pose())
         self.set_guide_velocity(np.zeros(6))
 

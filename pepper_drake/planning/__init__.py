@@ -1,4 +1,4 @@
-"""From a hand's path to joint commands that can be checked before the arm moves."""
+"""Planning: from a hand path to joint commands that are checked before the arm moves."""
 
 import importlib
 from typing import TYPE_CHECKING
@@ -37,11 +37,11 @@ _MODULES = {
     "reach_plan": ("PlanStatus", "Planner", "ReachPlan", "RemainingClearance"),
     "reach_planner": ("ReachPlanner",),
 }
-"""Modules of `planning.reach` with what they export."""
+"""Modules of `planning.reach` and the names they export."""
 
 
 def __getattr__(name: str) -> object:
-    """Imports what is asked for: playback reads modes of the reach, and needs no planner."""
+    """Imports a name on first use: playback needs the reach modes, but no planner."""
     for module, names in _MODULES.items():
         if name in names:
             return getattr(importlib.import_module(f"{__name__}.reach.{module}"), name)

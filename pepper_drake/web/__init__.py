@@ -1,1 +1,1 @@
-"""Pages in the browser: one way to serve them, on which nobody else gets in."""
+"""Web pages and their secured server."""

@@ -1,4 +1,4 @@
-"""Who may open a page: this computer, or whoever knows the token in the address."""
+"""Access control of pages: this computer, or clients with the token in the address."""
 
 import hmac
 import secrets
@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 from pepper_drake.errors import InputError
 
 LOOPBACK = "127.0.0.1"
-"""Default address of pages: nothing outside this computer reaches it."""
+"""Default address of pages, which other computers cannot reach."""
 
 _LOOPBACK_NAMES = ("localhost", LOOPBACK, "[::1]")
 _TOKEN_BYTES = 24
@@ -19,15 +19,15 @@ _TOKEN_BYTES = 24
 
 @dataclass(frozen=True)
 class Access:
-    """Who may open a page.
+    """Access control of a page.
 
-    A browser sends requests to this computer for any website that is open in it, and says so in
-    their header `Origin`. It also does so under a name that the website chose and lets point at
-    this computer (DNS rebinding); then the header `Host` has that name.
+    A browser sends requests to this computer on behalf of any website that is open in it, named in
+    their header `Origin`. A website can also point a name of its own at this computer (DNS
+    rebinding); then the header `Host` has that name.
 
     Attributes:
-        host: Address that the server listens at.
-        token: Secret in the page's address; None where loopback alone protects.
+        host: Address at which the server listens.
+        token: Secret in the page's address; None if only loopback protects the page.
     """
 
     host: str = LOOPBACK
@@ -35,10 +35,10 @@ class Access:
 
     @classmethod
     def to(cls, host: str | None) -> "Access":
-        """Makes the access for an option `--host`: loopback only if it was not given.
+        """Makes the access control for an option `--host`; loopback only for None.
 
         Raises:
-            InputError: There is no such address on this computer.
+            InputError: It is not an address of this computer.
         """
         if host is None:
             return cls()
@@ -67,13 +67,12 @@ class Access:
     def refusal(
         self, headers: Mapping[str, str], token: str | None, *, public: bool = False
     ) -> str | None:
-        """Returns why a request is refused, or None.
+        """Returns the reason for which a request is refused, or None.
 
         Args:
-            headers: The request's.
-            token: What it has for a token, in its address or its cookie.
-            public: Whether what is asked for is the same on every computer, so that no token is
-                needed to see it.
+            headers: Headers of the request.
+            token: Token in its address or its cookie.
+            public: Whether the requested file is the same on every computer and needs no token.
         """
         host = headers.get("Host", "").lower()
         if self.token is None:

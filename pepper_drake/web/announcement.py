@@ -1,18 +1,18 @@
-"""One way to tell where a page is, and to wait until somebody looks."""
+"""Announces a page's address and waits for a browser."""
 
 from typing import Protocol
 
 
 class Page(Protocol):
-    """A page that browsers open."""
+    """A page for browsers."""
 
     url: str
 
     def wait_for_browser(self) -> None:
-        """Waits until somebody has opened it."""
+        """Waits until a browser has opened it."""
 
 
 def wait_for_browser(page: Page) -> None:
-    """Tells a page's address, and waits until somebody has opened it; Ctrl-C ends the program."""
+    """Prints a page's address and waits until a browser has opened it; Ctrl-C ends the program."""
     print(f"Open {page.url} in a browser; it starts then, and Ctrl-C ends it.", flush=True)
     page.wait_for_browser()

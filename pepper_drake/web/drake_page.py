@@ -1,9 +1,9 @@
-"""Drake's Meshcat without its open door: to record with, or behind a page of ours.
+"""Drake's Meshcat without its open port: for recording, or behind our own page server.
 
-A Meshcat listens from when it is made: at every address of the computer if not told otherwise, for
-every website, and its reader of messages ends the program at a byte that it does not expect. Here
-its door is shut right after it was made. A page is shown by a `PageServer`, which alone is
-connected to it, and which tells it nothing of what browsers send.
+A Meshcat listens as soon as it is made: by default at every address of the computer, for every
+website, and an unexpected byte in a message ends the program. Here its listening socket is closed
+right after construction. A `PageServer`, the only client, shows its page and forwards nothing that
+browsers send.
 """
 
 import contextlib
@@ -22,49 +22,49 @@ from pepper_drake.web.served_process import ServedProcess
 
 
 class _Spare(threading.local):
-    """Meshcats that nobody uses at the moment; each may be touched by its own thread only."""
+    """Meshcats not in use; each may be used on its own thread only."""
 
     def __init__(self) -> None:
         self.meshcats: list[Meshcat] = []
 
 
 _SPARE = _Spare()
-"""A Meshcat that goes on another thread than it was made on ends the program, and Python's garbage
-collector runs on any thread. So none ever goes: whoever needs the next one gets it."""
+"""A Meshcat that is destroyed on another thread than it was made on ends the program, and Python's
+garbage collector runs on any thread. So none is ever destroyed, but reused."""
 
 
 @contextlib.contextmanager
 def offline_meshcat() -> Iterator[Meshcat]:
-    """Gives a Meshcat to draw into and to record with, which nobody can connect to.
+    """Yields a Meshcat for drawing and recording that accepts no connections.
 
-    Nothing may draw into it after the `with` statement.
+    It must not be used after the `with` statement.
     """
     if _SPARE.meshcats:
         meshcat = _SPARE.meshcats.pop()
     else:
         meshcat = _loopback_meshcat()
-        _shut(meshcat)
+        _close_socket(meshcat)
     try:
         yield meshcat
     finally:
-        _put_away(meshcat)
+        _keep_for_reuse(meshcat)
 
 
 class DrakePage:
     """A Meshcat and the page that shows it; use it in a `with` statement, or call `close`.
 
     Attributes:
-        meshcat: To draw into, on the thread that made the page, until it is closed.
-        url: The page's address for the browser.
-        ws_url: The address of its websocket.
+        meshcat: For drawing, on the thread that made the page, until it is closed.
+        url: Address of the page.
+        ws_url: Address of its websocket.
     """
 
     def __init__(self, host: str | None = None) -> None:
-        """Serves a page, from a process of its own.
+        """Serves a page from a separate process.
 
         Args:
-            host: Address to listen at, which then takes a token in the page's address; left out,
-                the page is for this computer only.
+            host: Address to listen at; the page's address then contains a token. If omitted, the
+                page is for this computer only.
 
         Raises:
             InputError: The host is not an address of this computer, or no port is free.
@@ -75,23 +75,23 @@ class DrakePage:
         try:
             self._process = ServedProcess("pepper_drake.web.page_process", order)
         except BaseException:
-            _shut(self.meshcat)
-            _put_away(self.meshcat)
+            _close_socket(self.meshcat)
+            _keep_for_reuse(self.meshcat)
             raise
-        _shut(self.meshcat)
+        _close_socket(self.meshcat)
         self.url = access.url(self._process.port)
         self.ws_url = self.url.replace("http://", "ws://")
 
     def wait_for_browser(self) -> None:
-        """Waits until somebody has opened the page."""
+        """Waits until a browser has opened the page."""
         while not self._process.wait(1.0):
             pass
 
     def close(self) -> None:
-        """Ends the page; it may be called twice."""
+        """Ends the page; may be called twice."""
         if not self._process.is_closed:
             self._process.close()
-            _put_away(self.meshcat)
+            _keep_for_reuse(self.meshcat)
 
     def __enter__(self) -> "DrakePage":
         return self
@@ -104,10 +104,10 @@ class DrakePage:
 def open_meshcat(
     *, page: bool, host: str | None = None
 ) -> Iterator[tuple[Meshcat, DrakePage | None]]:
-    """Gives a Meshcat and its page, if there is one.
+    """Yields a Meshcat and its page, if there is one.
 
     Args:
-        page: Whether anybody may look on; if not, nothing listens anywhere.
+        page: Whether to serve a page; if False, nothing listens anywhere.
         host: See `DrakePage`.
 
     Raises:
@@ -127,8 +127,8 @@ def _loopback_meshcat() -> Meshcat:
     return Meshcat(MeshcatParams(host=LOOPBACK, port=0))
 
 
-def _put_away(meshcat: Meshcat) -> None:
-    """Empties a Meshcat for whoever needs one next."""
+def _keep_for_reuse(meshcat: Meshcat) -> None:
+    """Resets a Meshcat and stores it for reuse."""
     meshcat.Delete("")
     meshcat.DeleteRecording()
     meshcat.SetAnimation(MeshcatAnimation(1.0))
@@ -138,16 +138,16 @@ def _put_away(meshcat: Meshcat) -> None:
     _SPARE.meshcats.append(meshcat)
 
 
-def _shut(meshcat: Meshcat) -> None:
-    """Closes the socket at which a Meshcat listens; its connections stay.
+def _close_socket(meshcat: Meshcat) -> None:
+    """Closes the socket at which a Meshcat listens; its connections stay open.
 
-    Drake has no option for it. Something harmless takes the descriptor's place, so that Meshcat
-    closes in the end what it believes to be its socket.
+    Drake has no option for it. The null device replaces the descriptor, so that Meshcat can later
+    close it as if it were its socket.
     """
     descriptor = _listening_descriptor(meshcat.port())
-    nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
-    os.dup2(nothing, descriptor, inheritable=False)
-    os.close(nothing)
+    null = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
+    os.dup2(null, descriptor, inheritable=False)
+    os.close(null)
 
 
 def _listening_descriptor(port: int) -> int:

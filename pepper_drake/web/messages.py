@@ -1,4 +1,4 @@
-"""Messages that browsers send to the teaching page: checked and clamped."""
+"""Checks and clamps messages from browsers to the teaching page."""
 
 import math
 from dataclasses import dataclass
@@ -7,23 +7,23 @@ from typing import Any
 import msgpack
 
 MESSAGE_LIMIT = 4096
-"""Largest message of a browser [bytes]; a game pad's has fewer than 1000."""
+"""Largest message from a browser [bytes]; a gamepad's has fewer than 1000."""
 
 _MOST_PADS, _MOST_AXES = 64, 64
 
 
 class BadMessageError(ValueError):
-    """A message that no page of ours sends."""
+    """A message that none of our pages sends."""
 
 
 @dataclass(frozen=True)
 class GamepadChange:
-    """Something on a game pad was moved, or it was plugged in or out.
+    """New state of a gamepad that was moved, plugged in or unplugged.
 
     Attributes:
-        index: Number of the pad; None if there is none.
-        axes: From -1 to 1.
-        buttons: From 0 to 1.
+        index: Number of the gamepad; None if there is none.
+        axes: Values from -1 to 1.
+        buttons: Values from 0 to 1.
     """
 
     index: int | None = None
@@ -32,10 +32,10 @@ class GamepadChange:
 
 
 def unpack(data: bytes | str) -> dict[Any, Any]:
-    """Reads a message's map.
+    """Reads the map of a message.
 
     Raises:
-        BadMessageError: It is no map, or too long.
+        BadMessageError: It is not a map, or too long.
     """
     if isinstance(data, str):
         raise BadMessageError("a text")
@@ -51,10 +51,10 @@ def unpack(data: bytes | str) -> dict[Any, Any]:
 
 
 def read_gamepad(pad: object) -> GamepadChange:
-    """Reads what a browser says of a game pad: `index`, `axes` and `button_values`.
+    """Reads a browser's gamepad message: `index`, `axes` and `button_values`.
 
     Raises:
-        BadMessageError: It makes no sense.
+        BadMessageError: It is malformed.
     """
     if not isinstance(pad, dict):
         raise BadMessageError("no game pad")
@@ -77,10 +77,10 @@ def _numbers(values: object, lower: float) -> tuple[float, ...]:
 
 
 def number(value: object) -> float:
-    """Returns a finite number.
+    """Returns a value as a finite number.
 
     Raises:
-        BadMessageError: It is none.
+        BadMessageError: It is not one.
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise BadMessageError("no finite number")

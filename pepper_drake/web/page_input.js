@@ -1,4 +1,4 @@
-// Tells the session of its keys and of the game pad, which viser's own page does not.
+// Sends keys and the gamepad's state to the session, which viser's own page does not.
 (() => {
   const url = new URL("/input", location.href.replace(/^http/, "ws"));
   let socket, before = "{}";
@@ -10,7 +10,7 @@
     if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
   };
   connect();
-  // Before viser's own listeners, which would move the camera.
+  // Runs before viser's own listeners, which would move the camera.
   for (const kind of ["keydown", "keyup"]) {
     window.addEventListener(kind, (event) => {
       const tag = event.target && event.target.tagName;

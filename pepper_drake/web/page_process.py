@@ -1,7 +1,7 @@
-"""The process that serves a Meshcat's page: no browser can disturb the session from here.
+"""Process that serves a Meshcat's page, isolated from the session.
 
-It reads one line of JSON from its standard input, which says where the Meshcat is and who may open
-the page, answers with one that says at which port, and ends when its standard input does.
+It reads one line of JSON from its standard input, with the address of the Meshcat and the page's
+access, answers with a line that contains the port, and ends when its standard input does.
 """
 
 import asyncio
@@ -18,18 +18,18 @@ from pepper_drake.web.access import Access
 from pepper_drake.web.page_server import Asset, PageServer
 
 _SCENE_LIMIT = 2**30
-"""Largest message of Meshcat [bytes]: our own meshes and recordings, nothing from outside."""
+"""Largest message from Meshcat [bytes]: only our own meshes and recordings."""
 
 
 async def serve_page(order: dict[str, Any]) -> tuple[int, WebSocketClientConnection]:
     """Starts to serve a Meshcat's page.
 
     Args:
-        order: Its fields are `meshcat`, the address of the Meshcat; `host`, where to listen; and
+        order: Fields `meshcat`, the address of the Meshcat; `host`, the address to listen at; and
             `token`, which may be null.
 
     Returns:
-        The port, and the connection to the Meshcat, to be held as long as the page is served.
+        The port, and the connection to the Meshcat, to be kept while the page is served.
     """
     url = order["meshcat"]
 

@@ -1,4 +1,4 @@
-"""Serves a page to browsers, whatever they send."""
+"""Serves a page to untrusted browsers."""
 
 import asyncio
 import contextlib
@@ -21,12 +21,12 @@ from pepper_drake.web.messages import MESSAGE_LIMIT
 from pepper_drake.web.retained_scene import RetainedScene
 
 FIRST_PORT = 7000
-"""Pages take the first port from here on that is free."""
+"""First port to try; pages take the first free one."""
 
 _PORTS = 100
 _MOST_BROWSERS = 64
-_MOST_WAITING = 64 * 2**20
-"""A browser that is this far behind [bytes] is let go: it hangs, or its computer sleeps."""
+_MOST_UNSENT = 64 * 2**20
+"""Unsent data at which a browser is disconnected [bytes]: it hangs, or its computer sleeps."""
 _PING_PERIOD, _PING_TIMEOUT = 20, 20  # [s]
 _TRY_AGAIN = 1013
 """Code with which a websocket is closed (registry of RFC 6455)."""
@@ -43,8 +43,8 @@ class Asset:
 class PageServer:
     """A page, its files, and the browsers that have it open; all in one event loop.
 
-    What is sent with `broadcast` goes to all browsers, and to those that come later as far as it
-    still holds. What browsers send is not read.
+    Messages of `broadcast` go to all browsers, and to later ones as far as they are still valid.
+    Messages from browsers are ignored.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class PageServer:
         Args:
             assets: The page's files by path; "/" is the page.
             access: Who may open it.
-            on_open: Is told when a browser has opened the page.
+            on_open: Called when a browser has opened the page.
         """
         self._access, self._assets, self._on_open = access, assets, on_open
         self._scene = RetainedScene()
@@ -80,7 +80,7 @@ class PageServer:
             browser.send(data)
 
     def enter(self, browser: "_Browser") -> bool:
-        """Shows a new browser what the others show; returns whether there is room for it."""
+        """Sends the present scene to a new browser; returns False if there are too many."""
         if len(self._browsers) >= _MOST_BROWSERS:
             return False
         self._browsers.add(browser)
@@ -90,12 +90,12 @@ class PageServer:
         return True
 
     def leave(self, browser: "_Browser") -> None:
-        """Forgets a browser that has gone."""
+        """Removes a disconnected browser."""
         self._browsers.discard(browser)
 
 
 def quiet_tornado() -> None:
-    """Keeps what strangers send wrong off the terminal."""
+    """Suppresses log messages about malformed requests."""
     for name in ("access", "application", "general"):
         logging.getLogger(f"tornado.{name}").setLevel(logging.CRITICAL)
 
@@ -104,7 +104,7 @@ def listen(handlers: Sequence[tuple[str, type, dict[str, Any]]], host: str) -> i
     """Starts to serve pages, within limits of size and time, and returns the port.
 
     Args:
-        handlers: Paths, who answers there, and what each is made with.
+        handlers: Paths with their handler classes and constructor arguments.
         host: Address to listen at.
 
     Raises:
@@ -143,10 +143,10 @@ def listening_sockets(host: str) -> list[socket.socket]:
 
 
 class _Page(GuardedHandler, WebSocketHandler):
-    """The page's files, and its websocket, which is where the page is."""
+    """Handler of the page's files, and of its websocket at the same path as the page."""
 
     def initialize(self, access: Access, assets: Mapping[str, Asset], server: PageServer) -> None:
-        # The viewer's script is the same everywhere; only the page and its socket are somebody's.
+        # The viewer's script is public; only the page and its websocket need the token.
         self.guard(access, public=self.request.path not in ("/", "/index.html"))
         self._assets, self._server = assets, server
         self._browser = _Browser(self)
@@ -171,22 +171,22 @@ class _Page(GuardedHandler, WebSocketHandler):
             self.close(_TRY_AGAIN, "too many browsers have this page open")
 
     def on_message(self, message: bytes | str) -> None:
-        """Forgets what a browser says: where its camera is, and its game pad."""
+        """Ignores the browser's messages, which are about its camera and gamepad."""
 
     def on_close(self) -> None:
         self._server.leave(self._browser)
 
 
 class _Browser:
-    """One browser's connection, and how far behind it is."""
+    """One browser's connection, with the size of its unsent messages."""
 
     def __init__(self, handler: WebSocketHandler) -> None:
-        self._handler, self._waiting = handler, 0
+        self._handler, self._unsent = handler, 0
 
     def send(self, data: bytes) -> None:
-        """Sends a message, or lets the browser go if it takes none any more."""
-        self._waiting += len(data)
-        if self._waiting > _MOST_WAITING:
+        """Sends a message, or disconnects a browser that is too slow."""
+        self._unsent += len(data)
+        if self._unsent > _MOST_UNSENT:
             self._handler.close(_TRY_AGAIN, "too slow")
             return
         try:
@@ -196,7 +196,7 @@ class _Browser:
         sending.add_done_callback(lambda done: self._sent(done, len(data)))
 
     def _sent(self, done: "asyncio.Future[None]", size: int) -> None:
-        self._waiting -= size
+        self._unsent -= size
         if not done.cancelled():
             error = done.exception()
             assert error is None or isinstance(error, WebSocketClosedError | StreamClosedError)

@@ -1,4 +1,4 @@
-"""Messages that a page has been sent, for browsers that open it late."""
+"""Past messages of a page, for browsers that open it later."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,14 +9,14 @@ _LASTING = ("set_animation", "set_target", "show_realtime_rate")
 
 
 class RetainedScene:
-    """The messages of Drake's Meshcat that still hold, by what they are about."""
+    """The messages of Drake's Meshcat that are still valid, by node or kind."""
 
     def __init__(self) -> None:
         self._nodes: dict[str, dict[str, bytes]] = {}
         self._lasting: dict[str, bytes] = {}
 
     def add(self, data: bytes) -> None:
-        """Takes in a message of Meshcat."""
+        """Stores a message of Meshcat."""
         kind = _kind(data)
         if kind in ("set_transform", "set_object"):
             self._node(data)[kind] = data
@@ -28,9 +28,9 @@ class RetainedScene:
             self._lasting[kind] = data
 
     def messages(self) -> Iterator[bytes]:
-        """Yields messages after which a new browser shows what the others show."""
+        """Yields messages that bring a new browser up to date."""
         for node in self._nodes.values():
-            # An object would undo what was set before it.
+            # Objects first: they would reset transform and properties.
             yield from (node[kind] for kind in sorted(node, key=_order))
         yield from self._lasting.values()
 
@@ -48,7 +48,7 @@ def _order(kind: str) -> int:
 
 
 def _first(data: bytes, count: int) -> list[Any]:
-    """Returns the first values of a message's map, without reading the rest."""
+    """Returns the first values of a message's map without reading the rest."""
     unpacker = msgpack.Unpacker(max_buffer_size=0)
     unpacker.feed(data)
     unpacker.read_map_header()

@@ -1,4 +1,4 @@
-"""A process of its own that serves a page: what browsers send cannot disturb the session."""
+"""Separate process that serves a page, to isolate the session from browsers."""
 
 import contextlib
 import json
@@ -13,36 +13,36 @@ from pepper_drake.errors import InputError
 
 _END_SECONDS = 10.0
 _MOST_EVENTS = 1000
-"""Events that wait to be read; what comes on top is dropped: nobody presses keys so fast."""
+"""Largest number of unread events; further ones are dropped: nobody presses keys so fast."""
 
 
 class ServedProcess:
-    """Starts a module that serves a page, and hears what it tells, line by line.
+    """Runs a module that serves a page, and receives its events.
 
     The module reads an order, one line of JSON, from its standard input; answers with the line
-    `{"port": N}` or `{"error": "..."}`; tells events, one line of JSON each; and ends when its
+    `{"port": N}` or `{"error": "..."}`; prints events, one line of JSON each; and ends when its
     standard input does.
 
     Attributes:
-        port: Where it listens.
+        port: Port at which it listens.
     """
 
     def __init__(self, module: str, order: Mapping[str, Any]) -> None:
-        """Starts it.
+        """Starts the process.
 
         Args:
-            module: Its name, as for `python -m`.
-            order: Passed on its standard input: everybody on this computer sees its arguments.
+            module: Name of the module, as for `python -m`.
+            order: Passed on standard input, as other users can see the arguments of a process.
 
         Raises:
-            InputError: It cannot serve.
+            InputError: The page cannot be served.
         """
         self._process = subprocess.Popen(
             [sys.executable, "-m", module],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            # Ctrl-C is for the session alone, which then ends the page.
+            # Only the session receives Ctrl-C, and then ends the page.
             start_new_session=True,
         )
         self._events: queue.Queue[dict[str, Any]] = queue.Queue(_MOST_EVENTS)
@@ -72,7 +72,7 @@ class ServedProcess:
                     self._events.put_nowait(json.loads(line))
 
     def events(self) -> list[dict[str, Any]]:
-        """Returns what was told since this was last asked."""
+        """Returns the events since the last call."""
         events = []
         with contextlib.suppress(queue.Empty):
             while True:
@@ -80,7 +80,7 @@ class ServedProcess:
         return events
 
     def wait(self, seconds: float) -> bool:
-        """Waits for an event, which it takes; returns whether there was one."""
+        """Waits for an event and removes it; returns whether there was one."""
         with contextlib.suppress(queue.Empty):
             self._events.get(timeout=seconds)
             return True
@@ -88,7 +88,7 @@ class ServedProcess:
 
     @property
     def is_closed(self) -> bool:
-        """True once it was closed."""
+        """True after the process has ended by `close`."""
         return self._process.returncode is not None
 
     @property
@@ -97,7 +97,7 @@ class ServedProcess:
         return self._process.pid
 
     def close(self) -> None:
-        """Ends it; may be called twice."""
+        """Ends the process; may be called twice."""
         if self.is_closed:
             return
         assert self._process.stdin is not None

@@ -1,4 +1,4 @@
-"""Messages that browsers send to a viser page: checked, clamped and written anew."""
+"""Checks, clamps and re-encodes messages from browsers to a viser page."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -9,7 +9,7 @@ import msgpack
 from pepper_drake.web.messages import BadMessageError, number, unpack
 
 _FARTHEST = 10.0
-"""Positions of what is dragged stay within this [m]."""
+"""Limit of the coordinates of dragged objects [m]."""
 _LONGEST_TEXT = 200
 _MOST_NUMBERS = 8
 _SIZE = 100_000
@@ -95,7 +95,7 @@ _CAMERA: Mapping[str, _Field] = {
     "look_at": _vector(3),
     "up_direction": _vector(3),
 }
-_LEADING: Mapping[str, Mapping[str, _Field]] = {
+_CONTROLLING: Mapping[str, Mapping[str, _Field]] = {
     "GuiUpdateMessage": {"uuid": _text, "updates": _updates},
     "TransformControlsUpdateMessage": {
         "name": _text,
@@ -127,22 +127,22 @@ _LEADING: Mapping[str, Mapping[str, _Field]] = {
         "owner": _text,
     },
 }
-"""Messages of viser's client that our pages use. Not among them: a tunnel to another website,
-files, and changes of a control other than its value."""
+"""Messages of viser's client that our pages use. Excluded are a tunnel to another website, files,
+and changes of a control other than its value."""
 
 
 def checked(data: bytes | str, *, leads: bool) -> bytes | None:
-    """Returns what a browser sent as the session's server may read it.
+    """Returns a browser's message in a form that is safe for the session's server.
 
     Args:
         data: The websocket's message.
-        leads: Whether the browser may do more than look on.
+        leads: Whether the browser may control the session, and not only watch it.
 
     Returns:
-        The message, written anew; None if it is passed over.
+        The message, encoded again; None if it is ignored.
 
     Raises:
-        BadMessageError: It is none of the messages that our pages send.
+        BadMessageError: It is not a message that our pages send.
     """
     fields = unpack(data)
     kind = fields.pop("type", None)
@@ -150,14 +150,14 @@ def checked(data: bytes | str, *, leads: bool) -> bytes | None:
         raise BadMessageError("no type")
     if kind == "ViewerCameraMessage":
         known = _CAMERA
-    elif kind in _LEADING:
-        known = _LEADING[kind]
+    elif kind in _CONTROLLING:
+        known = _CONTROLLING[kind]
     else:
         raise BadMessageError("an unknown type")
     if fields.keys() - known.keys() or known.keys() - fields.keys() - {"owner"}:
         raise BadMessageError("fields that are not the type's")
     message = {name: known[name](value) for name, value in fields.items()}
-    if not leads and kind in _LEADING:
+    if not leads and kind in _CONTROLLING:
         return None
     packed: bytes = msgpack.packb({"type": kind} | message)
     return packed

@@ -1,8 +1,8 @@
-"""Viser without its open door: its server is behind a page of ours.
+"""Viser without its open port, behind our own page server.
 
-Viser listens for every website and lets every browser do everything. Here it listens at a socket in
-a folder that only this user may enter, and a process of its own (`viser_process`) serves the page:
-to whom `Access` admits, passing on only messages that it has checked and written anew.
+Viser accepts every website and lets every browser do everything. Here it listens at a socket in a
+folder that only this user may enter, and a separate process (`viser_process`) serves the page to
+clients that `Access` admits, forwarding only messages that it has checked and re-encoded.
 """
 
 import tempfile
@@ -25,18 +25,18 @@ class ViserPage:
     """A viser server and the page that shows it; use it in a `with` statement, or call `close`.
 
     Attributes:
-        server: To draw into, and to make controls with.
-        url: The address of the page that leads.
-        class_url: The address of the same page for those who look on.
+        server: For drawing and for making controls.
+        url: Address of the page that controls the session.
+        class_url: Address of the same page for spectators.
     """
 
     def __init__(self, host: str | None = None, *, keys: Sequence[str] = ()) -> None:
         """Serves a page.
 
         Args:
-            host: Address to listen at, which then takes a token in the page's address; left out,
-                the page is for this computer only.
-            keys: The keys that are told, as browsers name them.
+            host: Address to listen at; the page's address then contains a token. If omitted, the
+                page is for this computer only.
+            keys: The keys that cause events, as browsers name them.
 
         Raises:
             InputError: The host is not an address of this computer, or no port is free.
@@ -63,15 +63,15 @@ class ViserPage:
         self.class_url = look.url(self._process.port, "/class")
 
     def events(self) -> list[dict[str, Any]]:
-        """Returns what keys and game pad did since this was last asked.
+        """Returns the events of keys and gamepad since the last call.
 
-        Each is `{"key": name}`, or `{"axes": [...], "buttons": [...]}`, both empty when a pad has
-        gone.
+        Each is `{"key": name}`, or `{"axes": [...], "buttons": [...]}`, both empty after a gamepad
+        was unplugged.
         """
         return self._process.events()
 
     def wait_for_browser(self) -> None:
-        """Waits until somebody has opened the page."""
+        """Waits until a browser has opened the page."""
         while not self._process.wait(1.0):
             pass
 
@@ -93,8 +93,8 @@ class ViserPage:
 
 
 def _server_at(path: Path) -> viser.ViserServer:
-    """Starts viser at a socket of the file system; it has no option for it."""
-    rich.get_console().quiet = True  # Viser would announce an address that is not ours.
+    """Starts viser at a Unix socket, for which it has no option."""
+    rich.get_console().quiet = True  # Viser would announce its own address.
     serve_anywhere = websockets.asyncio.server.serve
 
     def serve(handler: Any, host: str, port: int, **options: Any) -> Any:

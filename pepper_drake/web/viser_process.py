@@ -1,4 +1,4 @@
-"""The process that serves a viser page; see `served_process` for what it reads and tells."""
+"""Process that serves a viser page; see `served_process` for its input and output."""
 
 import asyncio
 import contextlib
@@ -38,7 +38,7 @@ def _tell(event: dict[str, Any]) -> None:
 
 
 class _Page(GuardedHandler, WebSocketHandler):
-    """The page, and its websocket at the same address, which is passed on to viser's."""
+    """The page, and its websocket at the same address, which is forwarded to viser's."""
 
     browsers = 0
 
@@ -67,7 +67,7 @@ class _Page(GuardedHandler, WebSocketHandler):
             return
         _Page.browsers += 1
         self._is_counted = True
-        self.set_nodelay(True)  # Else a frame waits until the browser has confirmed the last one.
+        self.set_nodelay(True)  # A frame must not wait for the acknowledgement of the last one.
         subprotocol = Subprotocol(f"viser-v{viser.__version__}")
         try:
             self._upstream = await unix_connect(
@@ -85,7 +85,7 @@ class _Page(GuardedHandler, WebSocketHandler):
         _tell({"opened": self._leads})
 
     async def _show(self, upstream: ClientConnection) -> None:
-        """Passes on what viser shows, as fast as the browser takes it."""
+        """Forwards viser's messages as fast as the browser accepts them."""
         with contextlib.suppress(ConnectionClosed, WebSocketClosedError):
             async for data in upstream:
                 await self.write_message(data, binary=True)
@@ -108,10 +108,10 @@ class _Page(GuardedHandler, WebSocketHandler):
 
 
 class _Input(GuardedHandler, WebSocketHandler):
-    """Keyboard and game pad of a page that leads."""
+    """Keyboard and gamepad of a controlling page."""
 
     holder: "_Input | None" = None
-    """Whose game pad counts."""
+    """The page whose gamepad is used."""
 
     def initialize(self, access: Access, keys: frozenset[str]) -> None:
         self.guard(access, public=False)
@@ -162,8 +162,8 @@ def serve(order: dict[str, Any]) -> int:
     """Starts to serve, and returns the port.
 
     Args:
-        order: Its fields are `socket`, where viser is; `lead` and `look`, the `Access` of those who
-            lead and of those who look on; and `keys`, which are told.
+        order: Fields `socket`, viser's socket; `lead` and `look`, the `Access` of the controlling
+            page and of spectators; and `keys`, the keys that cause events.
     """
     lead, look = Access(**order["lead"]), Access(**order["look"])
     html = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()

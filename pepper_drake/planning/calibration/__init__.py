@@ -1,1 +1,1 @@
-"""Postures in which a robot is calibrated."""
+"""Planning of calibration postures."""

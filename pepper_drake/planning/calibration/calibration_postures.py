@@ -1,7 +1,7 @@
-"""Postures of arm and head in which a head camera sees a marker on the hand, well told apart.
+"""Calibration postures of arm and head in which a head camera sees a marker on the hand.
 
-They are drawn at random, kept where nothing touches and the marker is in view, and chosen so that
-together they tell most: greedily by the determinant of the information (D-optimal design; for
+They are sampled at random, kept if they are free of collisions and the marker is in view, and
+selected greedily to maximise the determinant of the information matrix (D-optimal design; for
 robots Sun and Hollerbach 2008, "Observability index selection for robot calibration",
 doi 10.1109/ROBOT.2008.4543308).
 """
@@ -28,40 +28,40 @@ from pepper_drake.planning.collision.sphere_model import arm_link_names
 Vector = npt.NDArray[np.float64]
 
 APPROACH = np.radians(3.0)
-"""Angle by which each joint comes to its posture from one side [rad]: more than any slack."""
+"""Angle of the final motion of each joint to its posture [rad]: more than any backlash."""
 _PADDING = 0.03
-"""Room between links that the marker's plate and errors of the joints take [m]."""
+"""Padding between links for the marker's plate and joint errors [m]."""
 _MARGIN = 30.0
-"""The marker keeps this distance from the image's border, for what is not calibrated [pixel]."""
+"""Least distance of the marker from the image border, for calibration errors [pixel]."""
 _FACING = 0.6
 """Least cosine of the angle between the marker's normal and the line of sight."""
 _NEAREST, _FARTHEST = 0.22, 0.6
-"""Distances from which the marker is sharp and large enough [m]."""
+"""Range of distances at which the marker is sharp and large enough [m]."""
 _AROUND = 0.3
-"""Largest angle by which the head looks past the marker, so that the whole image is used [rad]."""
+"""Largest offset of the gaze from the marker, so that the whole image is used [rad]."""
 _AHEAD = 0.1
-"""The marker is held so far ahead of the torso's middle at least [m]."""
+"""Least distance of the marker ahead of the torso frame [m]."""
 _LARGEST_YAW = 1.2
-"""Largest turn of the head [rad]."""
+"""Largest yaw of the head [rad]."""
 _CANDIDATES = 120
-"""Postures to choose from; drawing ends with so many, ..."""
+"""Number of candidate postures at which sampling ends."""
 _BATCH, _BATCHES = 2000, 20
-"""... or after so many draws: their number at a time, and how often."""
+"""Samples per batch, and largest number of batches."""
 _SPARE = (0, 2, 5, 10, 20, 40)
-"""Postures to choose from besides, where the arm does not get from one to another."""
+"""Numbers of additional postures to try if the arm cannot get from one to another."""
 _STEP = 1e-3
-"""Step of differences, in standard deviations of the priors."""
+"""Step of finite differences, in standard deviations of the priors."""
 _PIXEL = 1.0
-"""Standard deviation of a corner with which postures are compared [pixel]."""
+"""Standard deviation of a marker corner [pixel]."""
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationPosture:
-    """A posture, and from which side each joint comes to it.
+    """A posture with the direction from which each joint approaches it.
 
     Attributes:
         joints: Head and arm (7,) [rad].
-        approach: Sense in which each joint moves last (7,), 1 or -1.
+        approach: Direction of each joint's final motion (7,), 1 or -1.
     """
 
     joints: Vector
@@ -69,39 +69,39 @@ class CalibrationPosture:
 
     @property
     def before(self) -> Vector:
-        """Posture (7,) from which it is come to [rad]."""
+        """Posture (7,) from which the final motion begins [rad]."""
         return self.joints - APPROACH * self.approach
 
 
 def choose_postures(
     model: ControlModel, marker_model: MarkerModel, arm: str, start: Vector, count: int, seed: int
 ) -> list[CalibrationPosture]:
-    """Chooses postures, in an order in which the arm gets from each to the next without a touch.
+    """Chooses postures in an order in which the arm moves from each to the next without collision.
 
     Args:
         model: Pepper.
-        marker_model: The chain from the cameras to the marker, and what is to be estimated.
+        marker_model: The kinematic chain from the cameras to the marker, and its parameters.
         arm: "left" or "right".
         start: All joints (15,) at the start [rad].
-        count: How many.
-        seed: Of the draw.
+        count: Number of postures.
+        seed: Seed of the sampling.
 
     Raises:
-        PepperDrakeError: There are not so many.
+        PepperDrakeError: Fewer postures were found.
     """
     rng = np.random.default_rng((seed, 0xCA))
-    room = _Room(model, arm, start)
+    collisions = _SelfCollisions(model, arm, start)
     postures: list[CalibrationPosture] = []
     for _ in range(_BATCHES):
         drawn = _draw(marker_model, arm, rng)
         seen = np.any(list(_in_view(marker_model, drawn).values()), axis=0)
-        postures += [drawn[k] for k in np.flatnonzero(seen) if room.is_free(drawn[k])]
+        postures += [drawn[k] for k in np.flatnonzero(seen) if collisions.is_free(drawn[k])]
         if len(postures) >= _CANDIDATES:
             break
-    chosen = _most_informative(_informations(marker_model, postures), len(postures))
+    chosen = _most_informative(_information_matrices(marker_model, postures), len(postures))
     ordered: list[CalibrationPosture] = []
     for spare in _SPARE:
-        ordered = room.ordered([postures[k] for k in chosen[: count + spare]], count)
+        ordered = collisions.ordered([postures[k] for k in chosen[: count + spare]], count)
         if len(ordered) == count:
             break
     if len(ordered) < count:
@@ -113,13 +113,13 @@ def choose_postures(
 
 
 def _draw(model: MarkerModel, arm: str, rng: np.random.Generator) -> list[CalibrationPosture]:
-    """Draws postures in which the head looks about where the marker is."""
+    """Samples postures in which the head looks approximately at the marker."""
     lower, upper = model.arm_limits
     margin = 1.5 * APPROACH
     arms = rng.uniform(lower + margin, upper - margin, (_BATCH, 5))
     approach = rng.choice((-1.0, 1.0), (_BATCH, 7))
     cameras = rng.choice(model.cameras, _BATCH)
-    aside = rng.uniform(-_AROUND, _AROUND, (_BATCH, 2))
+    gaze_offset = rng.uniform(-_AROUND, _AROUND, (_BATCH, 2))
     drawn = []
     places = model.marker_places(arms)
     for k in np.flatnonzero(places[:, 0] > _AHEAD):
@@ -127,7 +127,7 @@ def _draw(model: MarkerModel, arm: str, rng: np.random.Generator) -> list[Calibr
         if not low + margin < arms[k, 3] < high - margin:
             continue
         aimed = aim_head(HEAD_CAMERA_MODELS[str(cameras[k])], places[k])
-        yaw, pitch = (aimed + aside[k]).tolist()
+        yaw, pitch = (aimed + gaze_offset[k]).tolist()
         low, high = head_pitch_limits(yaw)
         if abs(yaw) < _LARGEST_YAW and low + margin < pitch < high - margin:
             joints = np.concatenate(([yaw, pitch], arms[k]))
@@ -138,7 +138,7 @@ def _draw(model: MarkerModel, arm: str, rng: np.random.Generator) -> list[Calibr
 def _in_view(
     model: MarkerModel, postures: list[CalibrationPosture]
 ) -> dict[str, npt.NDArray[np.bool_]]:
-    """Tells in which postures all cameras have the whole marker well in view by the model (N,)."""
+    """Tells for each camera in which postures it has the whole marker well in view (N,)."""
     joints = np.array([posture.joints for posture in postures]).reshape(-1, 7)
     approach = np.array([posture.approach for posture in postures]).reshape(-1, 7)
     zero = np.zeros(len(model.names))
@@ -156,49 +156,49 @@ def _in_view(
     return seen
 
 
-def _informations(model: MarkerModel, postures: list[CalibrationPosture]) -> Vector:
-    """Information (N, n, n) of each posture, the parameters in standard deviations of the priors.
+def _information_matrices(model: MarkerModel, postures: list[CalibrationPosture]) -> Vector:
+    """Returns information matrices (N, n, n) of the parameters, scaled by their priors' deviations.
 
-    By differences, from the corners in all cameras that see the marker.
+    By finite differences of the corners in all cameras that see the marker.
     """
     zero = np.zeros(len(model.names))
     total = np.zeros((len(postures), len(zero), len(zero)))
     for camera, seen in _in_view(model, postures).items():
-        own = np.flatnonzero(seen)
-        joints = np.array([postures[k].joints for k in own])
-        approach = np.array([postures[k].approach for k in own])
+        visible = np.flatnonzero(seen)
+        joints = np.array([postures[k].joints for k in visible])
+        approach = np.array([postures[k].approach for k in visible])
         corners = model.project(zero, camera, joints, approach)
         columns = [
-            (model.project(step, camera, joints, approach) - corners).reshape(len(own), -1)
+            (model.project(step, camera, joints, approach) - corners).reshape(len(visible), -1)
             for step in np.diag(_STEP * model.prior_sigmas)
         ]
         jacobian = np.stack(columns, axis=-1) / (_STEP * _PIXEL)
-        total[own] += np.swapaxes(jacobian, 1, 2) @ jacobian
+        total[visible] += np.swapaxes(jacobian, 1, 2) @ jacobian
     return total
 
 
 def _most_informative(informations: Vector, count: int) -> list[int]:
-    """Indices of the postures that together tell most (N, n, n), chosen greedily."""
+    """Selects postures greedily by the determinant of their total information (N, n, n)."""
     chosen: list[int] = []
     total = np.eye(informations.shape[-1])
-    left = np.ones(len(informations), dtype=bool)
+    remaining = np.ones(len(informations), dtype=bool)
     for _ in range(min(count, len(informations))):
         gains = np.linalg.slogdet(total + informations)[1]
-        best = int(np.argmax(np.where(left, gains, -np.inf)))
+        best = int(np.argmax(np.where(remaining, gains, -np.inf)))
         chosen.append(best)
-        left[best] = False
+        remaining[best] = False
         total = total + informations[best]
     return chosen
 
 
-class _Room:
-    """Postures in which Pepper does not touch itself."""
+class _SelfCollisions:
+    """Checks postures and motions for self-collision."""
 
     def __init__(self, model: ControlModel, arm: str, start: Vector) -> None:
         self._model, self._start = model, start
         self._checker = _make_checker(model, arm, _PADDING)
-        # At the start the arm may hang closer to the body than it is to come again.
-        self._bare_checker = _make_checker(model, arm, 0.0)
+        # At the start the arm may hang closer to the body than the padding.
+        self._unpadded_checker = _make_checker(model, arm, 0.0)
         self._moving = [BODY_JOINTS.index(n) for n in (*JOINT_GROUPS["head"], *arm_joints(arm))]
 
     def _positions(self, joints: Vector) -> Vector:
@@ -207,42 +207,42 @@ class _Room:
         return self._model.positions(q, np.zeros(3))
 
     def is_free(self, posture: CalibrationPosture) -> bool:
-        """True if nothing touches in a posture, nor on the way to it."""
+        """True if a posture and the final motion to it are free of collisions."""
         return self.is_clear_between(posture.before, posture.joints)
 
     def is_clear_between(self, one: Vector, other: Vector) -> bool:
-        """True if nothing touches on the straight way between joints (7,)."""
-        ends = self._start[self._moving]
+        """True if the straight path between joints (7,) is free of collisions."""
+        start = self._start[self._moving]
         checker = self._checker
-        if np.array_equal(one, ends) or np.array_equal(other, ends):
-            checker = self._bare_checker
+        if np.array_equal(one, start) or np.array_equal(other, start):
+            checker = self._unpadded_checker
         return bool(checker.CheckEdgeCollisionFree(self._positions(one), self._positions(other)))
 
     def ordered(self, postures: list[CalibrationPosture], count: int) -> list[CalibrationPosture]:
-        """So many postures one after the other, the nearest that can be got to next.
+        """Orders up to `count` postures, always the nearest reachable one next.
 
-        Those that cannot be got to are left out; so is what cannot be left again to the start.
+        Unreachable postures are left out; so are last ones from which the start is unreachable.
         """
-        begin = self._start[self._moving]
-        here, left = begin, list(postures)
+        start = self._start[self._moving]
+        present, remaining = start, list(postures)
         order: list[CalibrationPosture] = []
-        while left and len(order) < count:
-            left.sort(key=lambda posture: float(np.abs(posture.before - here).max()))
-            for posture in left:
-                if self.is_clear_between(here, posture.before):
+        while remaining and len(order) < count:
+            remaining.sort(key=lambda posture: float(np.abs(posture.before - present).max()))
+            for posture in remaining:
+                if self.is_clear_between(present, posture.before):
                     break
             else:
                 break
-            left.remove(posture)
+            remaining.remove(posture)
             order.append(posture)
-            here = posture.joints
-        while order and not self.is_clear_between(order[-1].joints, begin):
+            present = posture.joints
+        while order and not self.is_clear_between(order[-1].joints, start):
             order.pop()
         return order
 
 
 def _make_checker(model: ControlModel, arm: str, padding: float) -> SceneGraphCollisionChecker:
-    """Pepper with itself, with some room [m] between forearm and hand and the body."""
+    """Makes a checker of self-collisions with a padding [m] of forearm and hand to the body."""
     checker = model.make_collision_checker()
     checker.set_edge_step_size(0.05)
     plant = checker.plant()

@@ -1,4 +1,4 @@
-"""Clearance of the robot's body to the cloud for any pose of its base."""
+"""Clearance of the robot's body to the obstacle cloud for any base pose."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -16,7 +16,7 @@ Vector = npt.NDArray[np.float64]
 
 
 def body_links(model: ControlModel, without_arm: str | None = None) -> tuple[str, ...]:
-    """Names of Pepper's links, all or all but those of one arm ("left" or "right")."""
+    """Returns the names of Pepper's links, without those of one arm if given: "left" or "right"."""
     names = {
         model.plant.get_body(index).name()
         for index in model.plant.GetBodyIndices(model.model_instance)
@@ -38,7 +38,7 @@ class BodyClearance:
         self._spheres = make_link_spheres(model, tuple(links))
         self._frames = [model.plant.GetFrameByName(name) for name in self._spheres.link_names]
         self._context = model.create_context()
-        self._recent = lru_cache(maxsize=4)(self._centers)
+        self._cached_centers = lru_cache(maxsize=4)(self._centers)
 
     @property
     def radii(self) -> Vector:
@@ -46,11 +46,11 @@ class BodyClearance:
         return self._spheres.radii
 
     def centers(self, joint_position: Vector) -> Vector:
-        """Centres (S, 3) of the spheres in the base frame B for `BODY_JOINTS` angles (15,) [m].
+        """Returns sphere centres (S, 3) in the base frame B for `BODY_JOINTS` angles (15,) [m].
 
-        Not to be changed: who asks again for the same joints gets the same array.
+        The array is cached and read-only.
         """
-        return self._recent(np.asarray(joint_position, dtype=float).tobytes())
+        return self._cached_centers(np.asarray(joint_position, dtype=float).tobytes())
 
     def _centers(self, joints: bytes) -> Vector:
         context = self._context.Clone()
@@ -65,11 +65,11 @@ class BodyClearance:
         return centers
 
     def solid_points(self, joint_position: Vector, spacing: float) -> Vector:
-        """Points (N, 3) of a grid in the base frame B that lie in the links [m].
+        """Returns the points (N, 3) of a grid in the base frame B that are inside the links [m].
 
         Args:
             joint_position: The joints (15,) [rad].
-            spacing: Of the grid [m].
+            spacing: Grid spacing [m].
         """
         centers, radii = self.centers(joint_position), self.radii
         lower = (centers - radii[:, None]).min(axis=0)
@@ -86,14 +86,13 @@ class BodyClearance:
         field: PointCloudDistance,
         within: float = np.inf,
     ) -> Vector:
-        """Least distance (N,) [m] of the links to obstacles.
+        """Returns the least distance (N,) [m] of the links to obstacles.
 
         Args:
             base_poses: x, y [m], yaw [rad] of the base in W (N, 3).
             joint_position: The joints (15,) [rad].
             field: The obstacles, in W.
-            within: Links that are farther away than this are infinitely far [m], which is much
-                faster to say.
+            within: Larger distances are returned as infinite, which is much faster [m].
 
         Raises:
             ValueError: A pose or a joint is not finite.
@@ -120,15 +119,15 @@ def at_base_poses(p_B: Vector, base_poses: Vector) -> Vector:
 
 
 def drive_poses(start: Vector, goal: Vector, spacing: float = 0.03) -> Vector:
-    """Base poses (N, 3) on the straight way from one to another, turning evenly.
+    """Returns base poses (N, 3) on the straight drive from one to another, turning evenly.
 
     Args:
         start: x, y [m], yaw [rad].
         goal: The same.
-        spacing: Distance [m] or a third of the angle [rad] between two at most.
+        spacing: Largest distance [m], or third of the angle [rad], between successive poses.
     """
-    way = goal - start
-    way[2] = (way[2] + np.pi) % (2.0 * np.pi) - np.pi
-    length = max(float(np.hypot(way[0], way[1])), abs(float(way[2])) / 3.0)
+    change = goal - start
+    change[2] = (change[2] + np.pi) % (2.0 * np.pi) - np.pi
+    length = max(float(np.hypot(change[0], change[1])), abs(float(change[2])) / 3.0)
     shares = np.linspace(0.0, 1.0, 2 + int(length / spacing))
-    return start + shares[:, None] * way
+    return start + shares[:, None] * change

@@ -1,4 +1,4 @@
-"""Distances between arm and obstacles at which something happens, in one ordered table."""
+"""Clearance thresholds between arm and obstacles, in one ordered table."""
 
 import itertools
 from dataclasses import dataclass
@@ -6,43 +6,43 @@ from dataclasses import dataclass
 from pepper_drake.errors import InputError
 
 FARTHEST = 0.15
-"""Distance beyond which none is computed [m]: all clearances are less."""
+"""Distance above which clearances are not computed [m]: all thresholds are below it."""
 
 
 @dataclass
 class ClearanceTable:
-    """Distances of the arm to the obstacle cloud, from the one that stops it to the one aimed at.
+    """Thresholds of the arm's clearance to the obstacle cloud, in ascending order.
 
-    They must rise in the order stop < start < replan < resume < want < optimise < retreat:
-    otherwise a plan that is just good enough to start would be stopped or replanned at once. All
-    must be less than `FARTHEST`.
+    The order is stop < start < replan < resume < want < optimise < retreat: otherwise a plan that
+    is just good enough to start would be stopped or replanned at once. All must be less than
+    `FARTHEST`.
 
     Raises:
         InputError: A clearance is not greater than the one before it.
     """
 
     stop: float = 0.002
-    """The safety monitor stops the arm below this [m]: the cloud's noise, twice."""
+    """Clearance below which the safety monitor stops the arm [m]: twice the cloud's noise."""
     start: float = 0.006
-    """A plan with less is refused [m]: `stop`, and what the tracking error may take away."""
+    """Least clearance of an accepted plan [m]: `stop` and an allowance for tracking errors."""
     replan: float = 0.012
-    """A movement whose rest sinks below this is planned anew [m]."""
+    """Clearance of the rest of a movement below which it is replanned [m]."""
     resume: float = 0.015
-    """An arm that waited goes on with less only if no better path is found [m]; the fallback
-    planner looks for paths with this."""
+    """Clearance below which a waiting arm resumes only if no better path is found [m]; the fallback
+    planner searches for paths with this clearance."""
     want: float = 0.016
-    """A plan with this is taken without looking for a better one [m]."""
+    """Clearance with which a plan is taken without searching for a better one [m]."""
     optimise: float = 0.020
-    """The trajectory search aims at this [m]: `want`, and what fitting a primitive loses."""
+    """Target of the trajectory search [m]: `want` and the loss from fitting a primitive."""
     retreat: float = 0.060
-    """An arm that steps aside goes to where it has this [m]: a forearm's radius."""
+    """Clearance at which a retreat ends [m]: a forearm's radius."""
 
     def __post_init__(self) -> None:
         """Checks the order."""
         self.check()
 
     def check(self) -> None:
-        """Raises InputError unless the clearances rise; loaders that set fields call it again."""
+        """Raises InputError unless the clearances ascend; loaders that set fields call it again."""
         names = ("stop", "start", "replan", "resume", "want", "optimise", "retreat")
         for lower, upper in itertools.pairwise(names):
             low, high = getattr(self, lower), getattr(self, upper)

@@ -1,24 +1,23 @@
-"""Clearance that is lost by the robot's own motion, and not by an obstacle's.
+"""Clearance lost by the robot's own motion rather than an obstacle's.
 
-A protective stop helps only if the robot itself moves towards the obstacle. An obstacle that
-approaches a robot at rest, or one that retreats, is not kept away by a stop: the robot waits until
-it has left, or goes on retreating. (Compare the speed and separation monitoring of
-ISO/TS 15066:2016, 5.5.4.)
+A protective stop helps only if the robot itself moves towards the obstacle. It does not keep an
+obstacle away from a robot at rest or in retreat: the robot waits until the obstacle has left, or
+continues its retreat. (Compare the speed and separation monitoring of ISO/TS 15066:2016, 5.5.4.)
 """
 
 
 def own_approach_clearance(before: float, after: float, duration: float, slowest: float) -> float:
-    """Clearance that the robot's own motion leads to; infinite where it takes none away [m].
+    """Returns the clearance that the robot's own motion leads to; infinite if it loses none [m].
 
     Args:
-        before: Clearance to the obstacles of now at the robot's earlier posture [m].
+        before: Clearance to the present obstacles at the robot's earlier posture [m].
         after: The same at its later posture [m].
         duration: Time between the two [s].
-        slowest: A robot that approaches more slowly stands, as far as noise and slack let that be
-            told [m/s].
+        slowest: Approach speed below which the robot counts as at rest, given noise and backlash
+            [m/s].
 
     Returns:
-        The later clearance, also where one of the two is NaN: not known is no reason to go on.
+        The later clearance, also if one of the two is NaN: unknown does not count as safe.
     """
     if before - after <= slowest * duration or before == after:
         return float("inf")

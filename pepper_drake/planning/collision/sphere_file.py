@@ -8,9 +8,9 @@ from pepper_drake.planning.collision.sphere_model import make_link_spheres
 
 
 def sphere_yaml() -> str:
-    """Returns `collision_spheres`: by link of the standard URDF, centre and radius of each [m].
+    """Returns `collision_spheres`: centre and radius of each, by link of the standard URDF [m].
 
-    They are those of the package's own planner: radii leave the sharp corners of boxes out.
+    The package's own planner uses the same spheres; they do not cover the sharp corners of boxes.
     """
     names = shaped_links()
     model = make_link_spheres(shared_control_model(), names)

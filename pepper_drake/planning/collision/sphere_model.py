@@ -1,4 +1,4 @@
-"""An arm as a set of spheres, for quick distances to a field of obstacles."""
+"""Sphere approximation of links, for fast distances to obstacles."""
 
 from dataclasses import dataclass
 
@@ -14,14 +14,14 @@ Vector = npt.NDArray[np.float64]
 _CELL = 0.045
 """Largest side of the cells into which a shape is cut [m]."""
 _ROUNDING = 0.9
-"""Sphere radius over half a cell's diagonal: leaves the shape's sharp corners out."""
+"""Sphere radius over half a cell's diagonal: does not cover the shape's sharp corners."""
 
 ARM_LINKS = ("Bicep", "Elbow", "ForeArm")
-"""The arm's links without their side's initial; the wrist (with the hand) comes besides."""
+"""The arm's links without the side's initial; the wrist (with the hand) is added to them."""
 
 
 def arm_link_names(arm: str) -> tuple[str, ...]:
-    """Names of the links that sweep through the scene, upper arm to hand."""
+    """Returns the names of an arm's moving links, upper arm to hand."""
     side = arm[0].upper()
     return (*(side + link for link in ARM_LINKS), f"{arm[0]}_wrist")
 
@@ -31,10 +31,10 @@ class SphereModel:
     """Spheres fixed to some links.
 
     Attributes:
-        link_names: One name a link, L of them.
-        link: (S,) index of each sphere's link.
-        centers: (S, 3) in the link's frame [m].
-        radii: (S,) m.
+        link_names: Names of the L links.
+        link: Index of each sphere's link (S,).
+        centers: Centres (S, 3) in the link's frame [m].
+        radii: Radii (S,) [m].
     """
 
     link_names: tuple[str, ...]
@@ -43,13 +43,13 @@ class SphereModel:
     radii: Vector
 
     def selected(self, chosen: npt.NDArray[np.bool_]) -> "SphereModel":
-        """Some of the spheres, (S,) true for each that is kept."""
+        """Returns the spheres of a mask (S,)."""
         return SphereModel(
             self.link_names, self.link[chosen], self.centers[chosen], self.radii[chosen]
         )
 
     def place(self, R_TL: Vector, p_TL: Vector) -> Vector:
-        """Sphere centres in T.
+        """Returns the sphere centres in T.
 
         Args:
             R_TL: (..., L, 3, 3) orientations of the links.
@@ -63,7 +63,7 @@ class SphereModel:
 
 
 def _cells(size: Vector) -> tuple[Vector, float]:
-    """Centres of the cells of a box about the origin, and the radius of a cell's sphere."""
+    """Returns the cell centres of a box about the origin, and the radius of a cell's sphere."""
     counts = np.maximum(np.ceil(size / _CELL).astype(int), 1)
     axes = [(np.arange(n) + 0.5) / n * s - s / 2 for n, s in zip(counts, size, strict=True)]
     centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -88,9 +88,9 @@ def approximate_with_spheres(shape: Shape) -> tuple[Vector, Vector]:
         reach = shape.length() / 2
         radius = shape.radius()
         if isinstance(shape, Cylinder):
-            # The end spheres bulge out by a quarter of the radius and leave the rims out by less.
+            # The end spheres protrude by a quarter of the radius; the rims by as much from them.
             reach = max(reach - 0.75 * radius, 0.0)
-        # Spheres 0.6 radii apart dent the side by 5 % of the radius.
+        # Spheres 0.6 radii apart leave dents of 5 % of the radius in the side.
         count = int(np.ceil(2 * reach / (0.6 * radius))) + 1
         z = np.linspace(-reach, reach, count) if count > 1 else np.zeros(1)
         return np.stack([0 * z, 0 * z, z], axis=1), np.full(len(z), radius)

@@ -1,1 +1,1 @@
-"""Inverse kinematics, joint limits and checks of commands."""
+"""Inverse kinematics of the arm."""

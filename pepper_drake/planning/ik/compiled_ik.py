@@ -12,11 +12,11 @@ Vector = npt.NDArray[np.float64]
 
 
 class CompiledIk:
-    """Joint velocities of one arm that take its hand to a pose, as Drake's system gives them.
+    """Joint velocities that take a hand to a pose, the same as from Drake's system.
 
     Args:
         model: Pepper.
-        chain: Of the arm.
+        chain: Kinematic chain of the arm.
         arm: "left" or "right".
         params: Weights and limits.
     """
@@ -45,15 +45,15 @@ class CompiledIk:
     def velocity(
         self, joints: Vector, nominal: Vector, position: Vector, rotation: Vector
     ) -> Vector:
-        """Joint velocities (5,) [rad/s].
+        """Returns joint velocities (5,) [rad/s].
 
         Args:
-            joints: (5,) present [rad].
-            nominal: (5,) nominal posture [rad].
-            position: (3,) asked of the hand, p_TH [m]; see `feedforward_pose`.
-            rotation: (4,) likewise, unit quaternion w, x, y, z.
+            joints: Present joints (5,) [rad].
+            nominal: Nominal posture (5,) [rad].
+            position: Desired position of the hand (3,), p_TH [m]; see `feedforward_pose`.
+            rotation: Desired orientation (4,), unit quaternion w, x, y, z.
         """
-        # Copies: compiled anew it would be for arrays that may not be written or have gaps.
+        # Copies: read-only or non-contiguous arrays would trigger another compilation.
         found: Vector = ik_velocity(
             np.array(joints),
             np.array(nominal),
@@ -77,18 +77,18 @@ class CompiledIk:
         tolerance: float,
         still_speed: float,
     ) -> Vector:
-        """Joint commands (N + 1, 5) [rad] of N ticks, each by `velocity` and the joints' limits.
+        """Returns joint commands (N + 1, 5) [rad] of N ticks of `velocity` and the command limits.
 
         Args:
             start: Command of the joints (5,) [rad] and its velocity (5,) [rad/s].
-            nominal: (N, 5) nominal posture at each tick [rad].
-            positions: (N, 3) asked of the hand [m].
-            rotations: (N, 4) likewise.
-            limits: Of the joints' commands.
-            ends: Tick from which on the commands end when the arm stands near its goal.
-            goal: (3,) of the hand [m].
-            tolerance: Distance that is near [m].
-            still_speed: Joint speed below which the arm stands [rad/s].
+            nominal: Nominal posture at each tick (N, 5) [rad].
+            positions: Desired positions of the hand (N, 3) [m].
+            rotations: Desired orientations (N, 4).
+            limits: Limits of the joint commands.
+            ends: First tick at which the commands may end, once the arm is at rest near its goal.
+            goal: Goal of the hand (3,) [m].
+            tolerance: Distance to the goal that counts as near [m].
+            still_speed: Joint speed below which the arm counts as at rest [rad/s].
         """
         commands: Vector = track_path(
             np.array(start[0]),

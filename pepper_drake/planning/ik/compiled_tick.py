@@ -1,15 +1,15 @@
 """One tick of the arm's command, compiled: inverse kinematics, then the limits of the joints.
 
 The inverse kinematics is the program of Drake's DifferentialInverseKinematicsSystem, term by term:
-two least-squares costs, which weigh position over direction, and two joint-centering costs, each
-blind to one rotation axis only, which together pull every joint to the nominal posture with unit
-weight. The tests hold it against that system and against another solver. Drake solves it by OSQP,
-which without an active bound is content with a gradient of a thousandth of its terms, and makes
-program, contexts and solver anew every tick. Here its minimum is found to rounding, in
+two least-squares costs, which weight position over orientation, and two joint-centering costs, each
+in the null space of one rotation axis, which together pull every joint to the nominal posture with
+unit weight. The tests compare it with that system and with another solver. Drake solves it with
+OSQP, which without an active bound stops at a gradient of a thousandth of its terms, and makes
+program, contexts and solver anew every tick. Here the minimum is exact to rounding, and found in
 microseconds.
 
-All that is compiled stands in this file (see `compiled`). Numbers one by one, not arrays: each
-array that is made takes longer than what is done with it.
+All compiled functions of the tick are in this file (see `compiled`). They use scalars, not arrays:
+allocating an array takes longer than the arithmetic.
 """
 
 import math
@@ -25,27 +25,27 @@ from pepper_drake.planning.collision.arm_kinematics import ArmChain
 Vector = npt.NDArray[np.float64]
 
 SHARES = 24
-"""Shares between the desired acceleration and full braking that are tried at a coupled limit,
-twice: coarse, then fine."""
+"""Number of steps from the desired acceleration to full braking in the search at a coupled limit,
+first coarse, then fine."""
 ROUNDING = 1e-10
-"""Rounding allowed at a coupled limit [rad]."""
+"""Tolerance of velocity limits [rad/s] and coupled position limits [rad]."""
 
 
 class IkNumbers(NamedTuple):
-    """Numbers of `DifferentialIkParams` that the compiled code needs, and the joints' limits.
+    """`DifferentialIkParams` and joint limits for compiled code.
 
     Attributes:
         position: Weight of the hand's linear velocity.
         orientation: Weight of its angular velocity.
-        posture_gain: Pull to the nominal posture [1/s].
-        rate: Share of the pose error that is made up for in a tick, per time step [1/s].
+        posture_gain: Gain towards the nominal posture [1/s].
+        rate: Gain from pose error to velocity [1/s].
         limit_margin: Distance to a position limit at which motion towards it ends [rad].
-        limit_influence: Distance from which on motion towards it is slowed [rad].
-        twist: (6,) largest angular [rad/s] and linear [m/s] velocity asked for.
-        lower: (5,) position limits [rad].
-        upper: (5,) position limits [rad].
-        slowest: (5,) velocity limits [rad/s].
-        fastest: (5,) velocity limits [rad/s].
+        limit_influence: Distance below which motion towards it is slowed down [rad].
+        twist: (6,) limits of the desired angular [rad/s] and linear [m/s] velocity.
+        lower: (5,) lower position limits [rad].
+        upper: (5,) upper position limits [rad].
+        slowest: (5,) lower velocity limits [rad/s].
+        fastest: (5,) upper velocity limits [rad/s].
     """
 
     position: float
@@ -63,7 +63,7 @@ class IkNumbers(NamedTuple):
 
 @compiled
 def _times(R: Vector, C: Vector) -> Vector:
-    """R C, (3, 3)."""
+    """Returns the product R C (3, 3)."""
     out = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -73,7 +73,7 @@ def _times(R: Vector, C: Vector) -> Vector:
 
 @compiled
 def _hand(q: Vector, chain: ArmChain) -> tuple[Vector, Vector, Vector]:
-    """Rotation and position of the hand in T, and its Jacobian (6, 5), angular first."""
+    """Returns rotation and position of the hand in T, and its Jacobian (6, 5), angular first."""
     R, p = np.eye(3), np.zeros(3)
     axes, origins = np.empty((5, 3)), np.empty((5, 3))
     for k in range(6):
@@ -102,7 +102,7 @@ def _hand(q: Vector, chain: ArmChain) -> tuple[Vector, Vector, Vector]:
 
 @compiled
 def _quaternion(R: Vector) -> Vector:
-    """Unit quaternion w, x, y, z of a rotation matrix (Shepperd 1978, doi 10.2514/3.55767b)."""
+    """Returns the unit quaternion w, x, y, z of a matrix (Shepperd 1978, doi 10.2514/3.55767b)."""
     found = np.empty(4)
     trace = R[0, 0] + R[1, 1] + R[2, 2]
     if trace >= max(R[0, 0], R[1, 1], R[2, 2]):
@@ -121,7 +121,7 @@ def _quaternion(R: Vector) -> Vector:
 
 @compiled
 def _rotation_vector(asked: Vector, R: Vector) -> Vector:
-    """Rotation vector (3,) in T [rad] that takes R to the quaternion asked for."""
+    """Returns the rotation vector (3,) in T [rad] from R to the desired quaternion."""
     w, x, y, z = _quaternion(R)
     aw, ax, ay, az = asked
     scalar = aw * w + ax * x + ay * y + az * z
@@ -141,7 +141,7 @@ def _rotation_vector(asked: Vector, R: Vector) -> Vector:
 
 @compiled
 def _solve_free(H: Vector, g: Vector, side: npt.NDArray[np.int64], L: Vector, v: Vector) -> None:
-    """Sets the free components of v to the minimum for the others' values, by Cholesky in L."""
+    """Minimises over the free components of v, the others fixed, by Cholesky factorisation in L."""
     n = len(g)
     for i in range(n):
         if side[i] != 0:
@@ -176,11 +176,11 @@ def _solve_free(H: Vector, g: Vector, side: npt.NDArray[np.int64], L: Vector, v:
 
 @compiled
 def solve_box_qp(H: Vector, g: Vector, low: Vector, high: Vector) -> Vector:
-    """The minimum of v' H v / 2 - g' v over low <= v <= high, H positive definite.
+    """Returns the minimiser of v' H v / 2 - g' v over low <= v <= high, H positive definite.
 
-    Principal pivoting by least index, which ends for every positive definite H (Judice and Pires
-    1992, doi 10.1007/BF00940318): a component out of its bounds is put on the bound, one on a bound
-    whose gradient points inward is freed. Without an active bound it is one linear solve.
+    Principal pivoting by least index, which terminates for every positive definite H (Judice and
+    Pires 1992, doi 10.1007/BF00940318): a component out of its bounds is set to the bound, one on a
+    bound whose gradient points inward is freed. Without an active bound it is one linear solve.
 
     Raises:
         LinAlgError: A number is not finite.
@@ -188,7 +188,7 @@ def solve_box_qp(H: Vector, g: Vector, low: Vector, high: Vector) -> Vector:
     n = len(g)
     side = np.zeros(n, dtype=np.int64)  # -1 on the lower bound, 1 on the upper, 0 free.
     v, L = np.zeros(n), np.empty((n, n))
-    # Rounding at a degenerate minimum could go round in circles: the number of sets is the limit.
+    # Rounding at a degenerate minimum could cause cycling: stop after the number of active sets.
     for _ in range(3**n):
         for i in range(n):
             if side[i] != 0:
@@ -216,10 +216,10 @@ def solve_box_qp(H: Vector, g: Vector, low: Vector, high: Vector) -> Vector:
 
 @compiled
 def _add_centering(H: Vector, g: Vector, pull: Vector, J: Vector) -> None:
-    """Adds a centering cost that is blind to turns of the hand by a row J (5,) of its Jacobian.
+    """Adds a centering cost in the null space of a row J (5,) of the hand's Jacobian.
 
-    Drake weighs by the null space's basis that Gaussian elimination gives: e_k - r_k e_m with
-    r_k = J_k / J_m, m the pivot.
+    Drake projects on the basis of the null space that Gaussian elimination gives: e_k - r_k e_m
+    with r_k = J_k / J_m, m the pivot.
     """
     m = np.argmax(np.abs(J))
     if J[m] == 0.0:
@@ -248,7 +248,7 @@ def ik_velocity(
     chain: ArmChain,
     numbers: IkNumbers,
 ) -> Vector:
-    """Joint velocities (5,) [rad/s]; see `CompiledIk.velocity`."""
+    """Returns joint velocities (5,) [rad/s]; see `CompiledIk.velocity`."""
     R, p, J = _hand(q, chain)
     turn = _rotation_vector(rotation, R)
     H, g = np.zeros((5, 5)), np.zeros(5)
@@ -277,11 +277,11 @@ def ik_velocity(
 
 @compiled
 def stopping_distance(speed: float, change: float, time_step: float) -> float:
-    """Distance that a joint goes on while it brakes, in steps of `time_step` [rad].
+    """Returns the braking distance of a joint, in steps of `time_step` [rad].
 
     Args:
         speed: Absolute velocity of the last step [rad/s].
-        change: By how much the velocity may change in a step [rad/s].
+        change: Largest velocity change per step [rad/s].
         time_step: Time between commands [s].
     """
     steps = math.floor(speed / change)
@@ -290,7 +290,7 @@ def stopping_distance(speed: float, change: float, time_step: float) -> float:
 
 @compiled
 def stoppable_velocity(distance: float, change: float, time_step: float) -> float:
-    """Largest next velocity that, braking after it, ends within a signed distance.
+    """Returns the largest next velocity from which braking ends within a signed distance.
 
     It solves T v + `stopping_distance`(v) = distance, which is piecewise linear in v.
     """
@@ -304,7 +304,7 @@ def stoppable_velocity(distance: float, change: float, time_step: float) -> floa
 def tracking_velocities(
     position: Vector, wish: Vector, previous_wish: Vector, limits: LimitArrays, time_step: float
 ) -> Vector:
-    """Velocities (n,) with which commands follow their wishes, and catch up with them."""
+    """Returns velocities (n,) with which commands follow, or catch up with, desired positions."""
     desired = np.empty(len(position))
     for k in range(len(position)):
         reference = (wish[k] - previous_wish[k]) / time_step
@@ -322,12 +322,12 @@ def tracking_velocities(
 def limited_step(
     position: Vector, velocity: Vector, desired: Vector, limits: LimitArrays, time_step: float
 ) -> tuple[Vector, Vector]:
-    """The next command (n,) [rad] and its velocity (n,) [rad/s]; see `limit_joint_command`."""
+    """Returns the next command (n,) [rad], its velocity (n,) [rad/s]; see `limit_joint_command`."""
     following, lowest, highest = np.empty((3, len(position)))
     for k in range(len(position)):
         change, top = limits.acceleration[k] * time_step, limits.velocity[k]
         slow, fast = velocity[k] - change, velocity[k] + change
-        # A command that is too fast brakes as hard as it may.
+        # A command above the velocity limit brakes at the acceleration limit.
         least = min(max(slow, -top), fast)
         most = max(min(fast, top), slow)
         up = stoppable_velocity(limits.upper[k] - position[k], change, time_step)
@@ -342,7 +342,7 @@ def limited_step(
 
 @compiled
 def _interpolated(x: float, nodes: Vector, values: Vector) -> float:
-    """Value at x of the line through nodes, constant beyond them, as numpy.interp's."""
+    """Interpolates linearly between nodes, constant beyond them, like numpy.interp."""
     if x <= nodes[0]:
         return values[0]
     if x >= nodes[-1]:
@@ -355,13 +355,13 @@ def _interpolated(x: float, nodes: Vector, values: Vector) -> float:
 def _coupled_margins(
     table: Vector, start: Vector, velocities: Vector, change: Vector, time_step: float
 ) -> tuple[float, float]:
-    """Least distances of the follower to both its limits, if both joints brake after one step.
+    """Returns the follower's least distances to its limits if both joints brake after one step.
 
     Args:
-        table: (3, K) positions of the leader, and lower and upper limits there [rad].
-        start: Leader and follower now (2,) [rad].
+        table: (3, K) leader positions, and the follower's lower and upper limits there [rad].
+        start: Present positions of leader and follower (2,) [rad].
         velocities: Their velocities in the next step (2,) [rad/s].
-        change: By how much they may change in a step (2,) [rad/s].
+        change: Their largest velocity changes per step (2,) [rad/s].
         time_step: Time between commands [s].
 
     Returns:
@@ -390,14 +390,14 @@ def _keep_coupled(
     limits: LimitArrays,
     time_step: float,
 ) -> None:
-    """Changes a leader's and a follower's velocity so that both can brake inside their limit."""
+    """Adjusts a leader's and a follower's velocity so that both can brake inside their limits."""
     leader, follower = limits.pairs[number]
     lower, upper = limits.strictest[number]
     speed, change_f = velocity[follower], limits.acceleration[follower] * time_step
     after = position[follower] + time_step * speed
     stop = after + math.copysign(stopping_distance(abs(speed), change_f, time_step), speed)
     if lower <= min(after, stop) and max(after, stop) <= upper:
-        return  # The follower can stop within the strictest of its limits.
+        return  # The follower can stop within its strictest limits.
     table = limits.tables[number]
     change = np.array([limits.acceleration[leader] * time_step, change_f])
     start = np.array([position[leader], position[follower]])
@@ -408,7 +408,7 @@ def _keep_coupled(
     brake_l = min(max(0.0, lowest[leader]), highest[leader])
     brake_f = min(max(0.0, lowest[follower]), highest[follower])
     away = lowest[follower] if above < below else highest[follower]
-    # First the follower turns away from its limit, then the leader brakes, then the follower.
+    # Search along: the follower moves away from its limit, the leader brakes, the follower brakes.
     corners = np.array([[wish[0], wish[1]], [wish[0], away], [brake_l, away], [brake_l, brake_f]])
     previous = corners[0].copy()
     for leg in range(3):
@@ -450,7 +450,7 @@ def track_path(
     tolerance: float,
     still_speed: float,
 ) -> Vector:
-    """Joint commands (N, 5) [rad] along a path; see `CompiledIk.track`."""
+    """Returns joint commands (N, 5) [rad] along a path; see `CompiledIk.track`."""
     count = len(positions) + 1
     commands = np.empty((count, 5))
     commands[0] = joints

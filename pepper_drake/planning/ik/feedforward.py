@@ -1,4 +1,4 @@
-"""The hand's pose to ask for so that it moves with its path: compiled, for one tick or many."""
+"""Feed-forward of the hand's path in its desired pose: compiled, for one tick or many."""
 
 import math
 
@@ -15,19 +15,19 @@ Vector = npt.NDArray[np.float64]
 def feedforward_pose(
     position: Vector, next_position: Vector, rotation: Vector, next_rotation: Vector, gain: float
 ) -> RigidTransform:
-    """The pose to ask for so that the hand moves with its path and makes up for its error.
+    """Returns the desired pose with which the hand follows its path without lag.
 
-    Drake's system asks for the velocity gain (X_asked - X) / dt. With
+    Drake's system commands the velocity gain (X_desired - X) / dt. With
 
-        X_asked = X_next + (1 - gain) / gain (X_next - X_now)
+        X_desired = X_next + (1 - gain) / gain (X_next - X_now)
 
-    that is the path's own velocity (X_next - X_now) / dt, and gain times the present error.
+    that is the path's velocity (X_next - X_now) / dt plus gain times the present error / dt.
 
     Args:
-        position: (3,) where the hand should be now [m], in T.
-        next_position: (3,) where it should be one tick later.
-        rotation: (4,) its orientation now, unit quaternion w, x, y, z.
-        next_rotation: (4,) the same one tick later.
+        position: Present reference position of the hand (3,) in T [m].
+        next_position: The same one tick later.
+        rotation: Present reference orientation (4,), unit quaternion w, x, y, z.
+        next_rotation: The same one tick later.
         gain: In (0, 1].
     """
     p, R = feedforward_poses(
@@ -39,10 +39,10 @@ def feedforward_pose(
 def feedforward_poses(
     position: Vector, next_position: Vector, rotation: Vector, next_rotation: Vector, gain: float
 ) -> tuple[Vector, Vector]:
-    """Feed-forward poses of N ticks at once: positions (N, 3) [m], rotations (N, 4)."""
+    """Returns the desired poses of N ticks: positions (N, 3) [m], rotations (N, 4)."""
     lead = (1.0 - gain) / gain
-    # Copies: compiled anew it would be for arrays that may not be written or have gaps.
-    turned: Vector = _turned_on(
+    # Copies: read-only or non-contiguous arrays would trigger another compilation.
+    turned: Vector = _extrapolated(
         np.array(rotation, order="C"), np.array(next_rotation, order="C"), lead
     )
     return next_position + lead * (next_position - position), turned
@@ -50,7 +50,7 @@ def feedforward_poses(
 
 @compiled
 def _product(p: Vector, q: Vector) -> Vector:
-    """Quaternion product p q (4,)."""
+    """Returns the quaternion product p q (4,)."""
     return np.array(
         [
             p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
@@ -62,15 +62,15 @@ def _product(p: Vector, q: Vector) -> Vector:
 
 
 @compiled
-def _turned_on(rotation: Vector, following: Vector, lead: float) -> Vector:
-    """Unit quaternions (N, 4) that lead beyond the following ones by a share of the turn."""
+def _extrapolated(rotation: Vector, following: Vector, lead: float) -> Vector:
+    """Extrapolates unit quaternions (N, 4) beyond the next ones by `lead` times the turn."""
     turned = np.empty_like(following)
     back, ahead = np.empty(4), np.empty(4)
     for n in range(len(rotation)):
         back[0], back[1:] = rotation[n, 0], -rotation[n, 1:]
         turn = _product(following[n], back)
         w, length = turn[0], math.sqrt(np.sum(turn[1:] * turn[1:]))
-        # Half the angle led by, over the length; for small angles both are nearly the same.
+        # Half the extrapolated angle over the length; its limit for small angles is `lead`.
         share = lead * (math.atan2(length, abs(w)) / length if length > 1e-9 else 1.0)
         half = share * length
         factor = share * (math.sin(half) / half if half > 1e-9 else 1.0)

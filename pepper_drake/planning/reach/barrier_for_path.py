@@ -1,4 +1,4 @@
-"""A barrier that lets a planned path pass."""
+"""Fits the obstacle barrier to a planned path, so that it does not push the hand off it."""
 
 from dataclasses import replace
 
@@ -10,8 +10,8 @@ from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 
 Vector = npt.NDArray[np.float64]
 
-_TRIED = np.arange(0.12, -0.081, -0.005)
-"""Distances kept by the barrier, the greatest first [m]."""
+_CANDIDATE_DISTANCES = np.arange(0.12, -0.081, -0.005)
+"""Distances that the barrier may keep, the greatest first [m]."""
 
 
 def fit_barrier_to_path(
@@ -23,26 +23,25 @@ def fit_barrier_to_path(
     *,
     margin: float = 0.003,
 ) -> BarrierCoupling:
-    """The barrier that keeps the greatest distance at which it is silent all along a path.
+    """Returns the barrier with the greatest hand radius at which it is inactive all along a path.
 
-    A planned path may pass an obstacle more closely than a hand whose orientation does not count
-    would. There the barrier must not push, as it would push the hand off the plan; but it has to
-    act as soon as something is nearer than the plan knew. It is silent, as `BarrierCoupling` is,
-    where
+    A planned path may pass an obstacle more closely than the barrier would let the hand. There the
+    barrier must not push the hand off the plan, but must act as soon as an obstacle is nearer than
+    the plan assumed. `BarrierCoupling` is inactive where
 
         n·a + k1 n·v + k (d - rho) >= 0,  k = k0 k1² / 4,  that is  rho <= d + (n·a + k1 n·v) / k.
 
     Args:
-        coupling: The barrier otherwise used; its hand never becomes larger.
-        field: What it knows of obstacles, in the frame of the path.
-        positions: (N, 3) of the hand, the last one its goal [m].
+        coupling: The barrier to fit; its hand radius never increases.
+        field: Distances to the obstacles, in the frame of the path.
+        positions: Hand positions (N, 3), the last one the goal [m].
         velocities: (N, 3) m/s.
         accelerations: (N, 3) m/s².
-        margin: To the radius that the path allows [m].
+        margin: Subtracted from the distance that the path allows [m].
 
     Returns:
-        The same barrier with another hand radius; a negative one means that obstacles are passed
-        so fast and closely that only a nearer one makes it act.
+        The same barrier with another hand radius. A negative one means that the path passes
+        obstacles so fast and closely that only a nearer obstacle activates the barrier.
     """
     distance, normal = field.distance_and_normal(positions)
     if not np.isfinite(distance).any():
@@ -54,7 +53,7 @@ def fit_barrier_to_path(
     near_goal = np.exp(-0.5 / coupling.goal_distance**2 * to_goal)
     at_goal = distance[-1] - coupling.goal_margin
     largest = coupling.hand_radius + coupling.margin
-    for rho0 in (largest, *_TRIED[largest > _TRIED]):
+    for rho0 in (largest, *_CANDIDATE_DISTANCES[largest > _CANDIDATE_DISTANCES]):
         rho = rho0 + (min(rho0, at_goal) - rho0) * near_goal
         if np.all(rho <= allowed):
             break

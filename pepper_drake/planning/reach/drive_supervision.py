@@ -1,4 +1,4 @@
-"""Supervision until the robot stands where its arm reaches: the goal, base placement, the drive."""
+"""Supervision before the arm moves: search for the goal, base placement and the drive."""
 
 from dataclasses import replace
 
@@ -14,14 +14,14 @@ from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
 ROUNDING = 1e-9
 """Tolerance of times [s]."""
 NOWHERE = (np.nan, np.nan, np.nan)
-"""A place for the head if there is none to look at."""
+"""Gaze target that means "none"."""
 
 
 class DriveSupervision:
     """One step while the robot looks for the goal and drives; see `reach_state_machine.step`.
 
     Args:
-        observation: What is known now.
+        observation: The present one.
         planner: Finds plans.
         timing: Durations, timeouts and latencies.
     """
@@ -31,7 +31,7 @@ class DriveSupervision:
         self._time = observation.time
 
     def look(self, state: ReachState) -> ReachState:
-        """Searches the goal, looks at the scene, then decides where to stand."""
+        """Searches for the goal, looks at the scene, then plans the base placement."""
         timing, time = self._timing, self._time
         if state.is_planning:
             return state
@@ -55,17 +55,17 @@ class DriveSupervision:
     def _place_base(self, state: ReachState) -> ReachState:
         if not self._timing.drives:
             return replace(state.to(ReachMode.SETTLING, self._time), arrived=self._time)
-        plan = self._planner.plan_base_placement(self._still())
+        plan = self._planner.plan_base_placement(self._without_predictions())
         due = self._time + self._timing.latency.base_placement
         if self._planner.params.unseen.drive:
-            # While it plans it looks along the way to the goal, on which it will drive.
+            # During planning the robot already looks halfway to the goal, along its drive.
             x, y, _ = self._observation.base_pose
             x, y, z = 0.5 * (np.array([x, y, 0.0]) + self._observation.p_WO)
             state = replace(state, look_at=(x, y, z))
         return state.later(Pending(due, Effect.PLACEMENT, plan))
 
     def _check_drive(self, state: ReachState, placement: ReachPlan) -> ReachState:
-        """Asks of each new cloud if all that the robot would pass on its drive was seen."""
+        """Checks with each new cloud whether all space swept by the drive has been seen."""
         observation, timing = self._observation, self._timing
         if observation.cloud_age > timing.cloud_lost:
             return state.fail(self._time, "cloud_missing", observation.cloud_message)
@@ -73,12 +73,12 @@ class DriveSupervision:
             return state
         if observation.cloud_time == state.cloud_time:
             return state
-        plan = self._planner.check_drive(placement, self._still())
+        plan = self._planner.check_drive(placement, self._without_predictions())
         state = replace(state, cloud_time=observation.cloud_time)
         return state.later(Pending(self._time + timing.latency.plan, Effect.PLACEMENT, plan))
 
     def placed(self, state: ReachState, plan: ReachPlan) -> ReachState:
-        """Drives to where a plan has the base, looks along the way first, or refuses."""
+        """Drives to the planned base placement, looks along the drive first, or fails."""
         time = self._time
         if plan.status == PlanStatus.NOT_SEEN:
             return self._look_along_drive(state, plan)
@@ -98,16 +98,16 @@ class DriveSupervision:
         )
 
     def _look_along_drive(self, state: ReachState, plan: ReachPlan) -> ReachState:
-        """Looks at what the robot would pass on its drive and was not seen."""
+        """Looks at the unseen space that the drive would sweep."""
         is_looking = state.mode == ReachMode.LOOKING and state.placement is not None
-        if is_looking and self._looked_long(state):
+        if is_looking and self._has_look_timed_out(state):
             return state.fail(self._time, plan.status.value, plan.message)
         x, y, z = plan.unseen.mean(axis=0)
         looking = state if is_looking else state.to(ReachMode.LOOKING, self._time)
         return replace(looking, placement=plan, look_at=(x, y, z))
 
     def drive(self, state: ReachState) -> ReachState:
-        """Waits until the base is where it was sent; without depth images it stands."""
+        """Waits until the base arrives; without depth images the base stands still."""
         time, is_blind = self._time, self._observation.cloud_age > self._timing.cloud_timeout
         if is_blind:
             state = replace(state, braking=True, blind=state.blind + self._timing.time_step)
@@ -118,26 +118,26 @@ class DriveSupervision:
             if self._observation.base_blocked:
                 message += ": something stands in its way"
             return self._fail(state, "drive_failed", message)
-        # The base has not read its new goal yet in the step in which it is sent.
+        # In the step in which a goal is sent, the base still reports on the old one.
         has_started = time - state.since > self._timing.time_step + ROUNDING
         if self._observation.base_arrived and has_started and not state.braking:
             return replace(state.to(ReachMode.SETTLING, time), arrived=time)
         return state
 
-    def _still(self) -> Observation:
-        """The observation without predictions: before the arm starts it waits for what moves."""
+    def _without_predictions(self) -> Observation:
+        """Drops the predictions: before it starts, the arm simply waits for moving obstacles."""
         return self._observation.with_cloud(self._observation.cloud)
 
-    def _looked_long(self, state: ReachState) -> bool:
+    def _has_look_timed_out(self, state: ReachState) -> bool:
         return self._time - state.since >= self._timing.unseen_timeout - ROUNDING
 
     def _goal_unseen(self, state: ReachState, reason: str, message: str) -> ReachState:
-        """Returns the state that failed as the goal is not seen: without images it cannot be."""
+        """Returns the failed state of an unseen goal; missing images are named as the cause."""
         if self._observation.image_ages.max() > self._timing.images_lost:
             reason, message = "images_missing", self._observation.image_message
         return state.fail(self._time, reason, message)
 
     def _fail(self, state: ReachState, reason: str, message: str) -> ReachState:
-        """Returns the failed state, with the cause named if more is known than the symptom."""
+        """Returns the failed state, with the likely cause, if known, in place of the symptom."""
         cause = likely_cause(state, self._observation, self._planner.params, message)
         return state.fail(self._time, *(cause or (reason, message)))

@@ -1,4 +1,4 @@
-"""A movement played through: the joint commands that the diagram would give for it."""
+"""Kinematic simulation of a movement: the joint commands that the diagram would give for it."""
 
 from typing import NamedTuple
 
@@ -23,8 +23,8 @@ class HandPath(NamedTuple):
     Attributes:
         positions: (N, 3) in T [m].
         rotations: (N, 4) unit quaternions w, x, y, z.
-        joints: (N, 5) nominal [rad].
-        ends: Index of the sample at which the motion itself ends; from there on it settles.
+        joints: Nominal joint positions (N, 5) [rad].
+        ends: Index of the sample at which the motion ends and settling begins.
     """
 
     positions: Vector
@@ -41,14 +41,14 @@ class ArmState(NamedTuple):
 
 
 class KinematicSimulator:
-    """Plays movements through: primitive, coupling, inverse kinematics and command limits.
+    """Simulates movements: primitive, coupling, inverse kinematics and command limits.
 
     Args:
         model: Pepper.
         kinematics: Of the arm.
         ik: Parameters of the inverse kinematics.
-        settle: How long a motion goes on after its end at most, in tau.
-        still_speed: Joint speed below which the arm stands [rad/s].
+        settle: Longest settling time after the end of a motion, in units of tau.
+        still_speed: Joint speed below which the arm counts as at rest [rad/s].
     """
 
     def __init__(
@@ -73,13 +73,13 @@ class KinematicSimulator:
         X_TG: RigidTransform,
         field: PointCloudDistance,
     ) -> HandPath:
-        """The hand's path from where the arm is to its goal.
+        """Returns the hand's path from the arm's present state to the goal.
 
         Args:
-            movement: What to perform.
-            start: Of the arm.
+            movement: The movement to perform.
+            start: Start state of the arm.
             X_TG: The hand's goal.
-            field: The obstacles that the coupling knows, in T.
+            field: Distances to the obstacles that the coupling sees, in T.
         """
         X_TH = self._kinematics.hand_pose(start.position)
         velocity = np.zeros(6)
@@ -105,19 +105,19 @@ class KinematicSimulator:
         return HandPath(path.positions, path.rotations, path.joints, max(ends, 0))
 
     def track(self, start: ArmState, path: HandPath, tolerance: float) -> Vector:
-        """The arm's joint commands (N, 5) along a hand path, as the diagram would give them.
+        """Returns the joint commands (N, 5) [rad] that the diagram would give along a hand path.
 
-        They end with the path, or when the arm stands within half a tolerance [m] of its end.
+        They end with the path, or once the arm is at rest within half a tolerance [m] of its end.
         """
         p, R = path.positions, path.rotations
-        asked_p, asked_R = feedforward_poses(
+        target_p, target_R = feedforward_poses(
             p[:-1], p[1:], R[:-1], R[1:], self._params.tracking_gain
         )
         return self._ik.track(
             start,
             path.joints[:-1],
-            asked_p,
-            asked_R,
+            target_p,
+            target_R,
             limits=self.limits,
             ends=path.ends,
             goal=p[-1],

@@ -1,4 +1,4 @@
-"""Likely cause of a failed reach, if more is known than the symptom."""
+"""Likely cause behind the symptom of a failed reach."""
 
 import numpy as np
 
@@ -12,12 +12,12 @@ from pepper_drake.planning.reach.reach_state import ReachState
 def likely_cause(
     state: ReachState, observation: Observation, params: ReachPlannerParams, symptom: str
 ) -> tuple[str, str] | None:
-    """Returns reason and sentence of what explains a symptom; None if nothing does.
+    """Returns reason and sentence of the cause that explains a symptom; None if none is known.
 
     Args:
-        state: Of the supervision.
-        observation: What is known now.
-        params: How far the arm may be off its command, and the goal off its place.
+        state: State of the supervision.
+        observation: The present one.
+        params: Thresholds of joint error, goal and robot displacement.
         symptom: The failure as a sentence.
     """
     planned = state.planned_with

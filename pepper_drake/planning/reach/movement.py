@@ -1,4 +1,4 @@
-"""The movement that the arm performs: decided before it starts, and again while it moves."""
+"""The movement that the arm performs: planned before it starts, and replanned while it moves."""
 
 from dataclasses import dataclass, field, replace
 
@@ -12,17 +12,17 @@ from pepper_drake.short_repr import short_repr
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """A primitive with all that it takes to perform it: the value of every port `movement`.
+    """A primitive and what is needed to perform it: the value of every port `movement`.
 
-    A movement with a number above zero runs; with another number another one takes its place. The
-    movement number 0 does not run: the arm rests, and its primitive is the next one to expect.
+    A movement with an id above zero runs; a new id starts another one. With id 0 the arm rests, and
+    the primitive is the next one to expect.
 
     Attributes:
-        primitive: With orientation and posture, in T.
-        coupling: The law by which obstacles bend it; None to do without.
+        primitive: Primitive with orientation and posture, in T.
+        coupling: Obstacle coupling; None for no obstacle avoidance.
         X_OG: The hand's pre-grasp pose in the goal object's frame.
         id: Number of the movement.
-        origin: Where it comes from.
+        origin: Origin of the movement.
     """
 
     __repr__ = short_repr
@@ -34,11 +34,11 @@ class Movement:
     origin: Origin = Origin.TAUGHT
 
     def __deepcopy__(self, memo: dict) -> "Movement":
-        """Returns itself: Drake copies values that it keeps, and a movement never changes."""
+        """Returns itself: Drake copies stored values, and a movement is immutable."""
         return self
 
     def numbered(self, id: int) -> "Movement":
-        """Returns the same movement under a number."""
+        """Returns the same movement with another id."""
         return replace(self, id=id)
 
     @property
@@ -47,5 +47,5 @@ class Movement:
         return self.id > 0
 
     def begins_after(self, last_id: float) -> bool:
-        """True if it begins now, given the number of the last tick's movement."""
+        """True if it begins now, given the id of the last tick's movement."""
         return self.runs and self.id != last_id

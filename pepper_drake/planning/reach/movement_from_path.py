@@ -1,4 +1,4 @@
-"""From a path of the arm's joints to a movement that performs it."""
+"""Fits a movement to a joint path."""
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ Vector = npt.NDArray[np.float64]
 
 _SAMPLES = 101
 _APPROXIMATOR = "trajectory"
-"""Approximator that is most at rest after the end, and exact to a tenth of a millimetre."""
+"""Approximator with the least motion after the end, and exact to a tenth of a millimetre."""
 
 
 def fit_primitive_to_joint_path(
@@ -26,18 +26,18 @@ def fit_primitive_to_joint_path(
     name: str,
     rest_share: float = ReachPlannerParams.rest_share,
 ) -> MovementPrimitive:
-    """Learns the primitive of a joint path as if it had been shown.
+    """Learns a primitive from a joint path as if it had been demonstrated.
 
-    The hand's positions and orientations along the path become the translation and the
-    orientation, the joints the nominal posture: all of a demonstration, so that its attractor,
-    its phase and its answer to a goal that moves are those of any other.
+    Hand positions, hand orientations and joints (the nominal posture) along the path form a
+    demonstration, so that attractor, phase and response to a moving goal are those of any other
+    primitive.
 
     Args:
-        kinematics: Of the arm.
+        kinematics: Kinematics of the arm.
         joints: (N, 5) at even times [rad].
-        duration: Of the path [s]; the primitive's is a little longer, as it rests at its end.
-        name: Of the primitive.
-        rest_share: Share of the movement during which it rests at its end.
+        duration: Duration of the path [s]; the primitive's is longer by the rest at its end.
+        name: Name of the primitive.
+        rest_share: Fraction of the movement for which it rests at its end.
     """
     s = np.linspace(0.0, 1.0, len(joints))
     fine = np.linspace(0.0, 1.0, _SAMPLES)
@@ -62,13 +62,13 @@ def fit_primitive_to_joint_path(
 def reachable_pre_grasp(
     X_OG: RigidTransform, X_TO: RigidTransform, kinematics: ArmKinematics, joints: Vector
 ) -> RigidTransform:
-    """The pre-grasp pose X_OG with its position, and the orientation that a posture gives the hand.
+    """Returns the pre-grasp pose with the hand orientation that a posture gives.
 
     Args:
-        X_OG: The pre-grasp pose as it was.
+        X_OG: The pre-grasp pose, whose position is kept.
         X_TO: The goal object's pose.
-        kinematics: Of the arm.
-        joints: (5,) at the goal [rad].
+        kinematics: Kinematics of the arm.
+        joints: Posture at the goal (5,) [rad].
     """
     R_TH = kinematics.poses(joints[None]).hand_rotation[0]
     R_OH = X_TO.rotation().matrix().T @ R_TH

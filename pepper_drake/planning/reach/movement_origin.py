@@ -1,4 +1,4 @@
-"""Origin of a movement that is performed."""
+"""Origins of movements."""
 
 from enum import IntEnum
 
@@ -9,9 +9,9 @@ class Origin(IntEnum):
     NONE = 0
     """No movement is performed: the arm rests or waits."""
     TAUGHT = 1
-    """The movement that was taught; the coupling may bend it."""
+    """The taught movement; the coupling may deflect it."""
     ADAPTED = 2
-    """The taught movement, adapted to what was seen before the arm started."""
+    """The taught movement, adapted to the obstacles seen before the arm started."""
     DETOUR = 3
     """The rest of a movement, replanned during the motion."""
     RETREAT = 4

@@ -1,4 +1,4 @@
-"""Everything that planning and supervision know at one moment."""
+"""The input of planning and supervision at one moment."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pepper_drake.short_repr import short_repr, short_signature
 Vector = npt.NDArray[np.float64]
 
 _FUTURE = -0.1
-"""An image that is younger than this was stamped by a clock that is wrong [s]."""
+"""An image of a lower age was stamped by a wrong clock [s]."""
 
 
 def _no_points() -> Vector:
@@ -28,36 +28,36 @@ def _no_points() -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """Measurements, cloud and commands at one moment; it never changes.
+    """Measurements, obstacle cloud and commands at one moment; immutable.
 
-    Planning needs the first seven; the others have defaults that mean "all is well".
+    All but the first five have defaults, which mean "no problem".
 
     Attributes:
-        time: When it was made [s].
+        time: [s].
         base_pose: (3,) x, y, yaw of the base in W [m, rad].
         joint_position: (15,) measured, in the order of `BODY_JOINTS` [rad].
         arm: Command of the reaching arm's joints, from which a movement starts [rad, rad/s].
         X_WO: Pose of the goal object.
         cloud: (P, 3) obstacles in W [m].
-        predicted_cloud: (Q, 3) where moving obstacles near the goal will be, in W [m].
+        predicted_cloud: (Q, 3) predicted positions of moving obstacles near the goal, in W [m].
         cloud_time: Capture time of the last depth image in the cloud [s]; not finite before it.
         cloud_fault: Why the last depth image was not used.
-        space: Free, occupied and unknown space; None where all is known, without cameras.
+        space: Free, occupied and unknown space; None without cameras: all space is known.
         goal_valid: Whether there is an estimate of the goal object's pose.
         goal_age: Time since the goal object's marker was last seen [s].
-        image_ages: (2,) age of the top and the bottom camera's newest image that could be looked
-            at [s]; while the goal is seen, one of them takes none.
+        image_ages: (2,) age of the newest usable image of the top and the bottom camera [s]; while
+            the goal is seen, only one of them takes images.
         goal_position: (3,) the hand's goal in T [m].
-        hand_position: (3,) the hand as measured, in T [m].
-        measured_arm: (5,) the arm's joints as measured [rad]; None if that is not compared.
-        desired_position: (3,) where the primitive wants the hand, in T [m]; None if unknown.
-        base_arrived: Whether the base is where it was sent.
+        hand_position: (3,) measured, in T [m].
+        measured_arm: (5,) measured joints of the arm [rad]; None to skip their comparison.
+        desired_position: (3,) of the hand, from the primitive, in T [m]; None if unknown.
+        base_arrived: Whether the base has arrived at its goal.
         tau: Duration of the present movement [s].
         stop_reason: Why the safety monitor stopped the robot.
-        stop_joint: Name of the joint that this is about, "" for none.
-        base_blocked: Whether the base waits because something stands in its way.
-        predicted_clearance: Clearance to which the arm's own motion leads at once, to where moving
-            obstacles are predicted [m].
+        stop_joint: Name of the joint that caused the stop, "" for none.
+        base_blocked: Whether the base waits for an obstacle on its path.
+        predicted_clearance: Clearance to the predicted positions of moving obstacles that the arm's
+            own motion leads to [m].
     """
 
     __repr__ = short_repr
@@ -95,13 +95,13 @@ class Observation:
 
     @property
     def cloud_age(self) -> float:
-        """Time since the last depth image [s]; infinite before the first, or if dated later."""
+        """Time since the last depth image [s]; infinite if there is none, or one of the future."""
         age = self.time - self.cloud_time
         return age if np.isfinite(age) and age > _FUTURE else np.inf
 
     @property
     def cloud_message(self) -> str:
-        """Why there is no cloud, as a sentence."""
+        """Sentence that says why there is no cloud."""
         if self.cloud_fault != DepthFault.NONE:
             return FAULT_SENTENCES[self.cloud_fault]
         if np.isinf(self.cloud_age):
@@ -110,7 +110,7 @@ class Observation:
 
     @property
     def cloud_is_of_map(self) -> bool:
-        """False if the cloud is not the one of the map at the same image: stuck, or changed."""
+        """False if the cloud differs from the map's at the same image: stuck, or corrupted."""
         space = self.space
         if space is None or not space.views or space.views[-1].time != self.cloud_time:
             return True
@@ -118,7 +118,7 @@ class Observation:
 
     @property
     def image_message(self) -> str:
-        """Which colour camera gave no image that could be looked at, as a sentence."""
+        """Sentence that names the colour camera without a usable image."""
         age, camera = float(self.image_ages.max()), int(np.argmax(self.image_ages))
         words = f"the {('top', 'bottom')[camera]} camera gave no usable image"
         return words if np.isinf(age) else f"{words} for {age:.1f} s"
@@ -130,36 +130,36 @@ class Observation:
 
     @property
     def following_error(self) -> float:
-        """Distance of the hand to where the primitive wants it [m]; 0 if that is unknown."""
+        """Distance of the hand to its desired position [m]; 0 if that is unknown."""
         if self.desired_position is None:
             return 0.0
         return float(np.linalg.norm(self.desired_position - self.hand_position))
 
     @property
     def joint_error(self) -> Vector:
-        """(5,) measured less commanded joints of the arm [rad]; 0 if they are not compared."""
+        """(5,) measured minus commanded joints of the arm [rad]; 0 if they are not compared."""
         if self.measured_arm is None:
             return np.zeros(5)
         return self.measured_arm - self.arm.position
 
     @cached_property
     def obstacles(self) -> Vector:
-        """(P + Q, 3) the cloud and where moving obstacles will be, in W [m]."""
+        """(P + Q, 3) the cloud and the predicted positions of moving obstacles, in W [m]."""
         return np.concatenate((self.cloud, self.predicted_cloud))
 
     @cached_property
     def cloud_tree(self) -> cKDTree:
-        """The cloud, for the question which points of a later one are new."""
+        """Search tree of the cloud, to find new points in a later one."""
         return cKDTree(self.cloud)
 
     def with_cloud(self, cloud: Vector) -> Observation:
-        """Returns the same with this cloud (P, 3) [m] in place of all obstacles."""
+        """Returns the observation with a cloud (P, 3) [m] in place of all obstacles."""
         return replace(self, cloud=cloud, predicted_cloud=np.zeros((0, 3)))
 
     def with_arm(self, arm: ArmState) -> Observation:
-        """Returns the same with the arm's command somewhere else."""
+        """Returns the observation with another arm command."""
         return replace(self, arm=arm)
 
     def from_base_pose(self, base_pose: Vector) -> Observation:
-        """Returns the same as if the base stood at a pose (3,) [m, rad]."""
+        """Returns the observation with the base at another pose (3,) [m, rad]."""
         return replace(self, base_pose=base_pose)

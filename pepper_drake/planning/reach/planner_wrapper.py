@@ -1,4 +1,4 @@
-"""A planner around another one: what is done with every question stands in one place."""
+"""A planner that forwards all requests to another one, and can intercept them in one place."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class PlannerWrapper:
-    """A `Planner` that hands all questions on to another one.
+    """Forwards all requests to another `Planner`.
 
-    A subclass overrides `_answer` to change questions or answers.
+    A subclass overrides `_answer` to change requests or answers.
 
     Attributes:
-        planner: Gives the answers.
+        planner: The inner planner.
     """
 
     planner: Planner
@@ -45,17 +45,17 @@ class PlannerWrapper:
         return self.planner.limits
 
     def plan_base_placement(self, observation: Observation) -> ReachPlan:
-        """Returns the best plan from any place where the base can stand; see `Planner`."""
+        """Returns the best plan over all base placements; see `Planner`."""
         return self._answer("plan_base_placement", observation, self.planner.plan_base_placement)
 
     def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Returns a base placement as it looks now; see `Planner`."""
+        """Returns a base placement, checked again; see `Planner`."""
         return self._answer(
             "check_drive", observation, lambda asked: self.planner.check_drive(plan, asked)
         )
 
     def check_reach(self, observation: Observation, movement: Movement | None = None) -> ReachPlan:
-        """Returns the best plan from where the base is; see `Planner`."""
+        """Returns the best plan from the present base pose; see `Planner`."""
         return self._answer(
             "check_reach", observation, lambda asked: self.planner.check_reach(asked, movement)
         )
@@ -65,13 +65,13 @@ class PlannerWrapper:
         return self._answer("replan", observation, lambda asked: self.planner.replan(plan, asked))
 
     def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Returns a plan back to where there is more clearance; see `Planner`."""
+        """Returns a plan back to a configuration with more clearance; see `Planner`."""
         return self._answer(
             "plan_retreat", observation, lambda asked: self.planner.plan_retreat(plan, asked)
         )
 
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
-        """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
+        """Returns the clearance along the rest of a plan's path; see `Planner`."""
         return self._answer(
             "remaining_clearance",
             observation,
@@ -85,7 +85,7 @@ class PlannerWrapper:
         new_obstacle: npt.NDArray[np.float64],
         movable: npt.NDArray[np.float64],
     ) -> StaleSpace:
-        """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
+        """Returns space that the arm sweeps soon and that was not seen recently; see `Planner`."""
         return self._answer(
             "stale_space",
             observation,
@@ -93,5 +93,5 @@ class PlannerWrapper:
         )
 
     def _answer(self, name: str, observation: Observation, ask: Callable[[Observation], T]) -> T:
-        """Returns what `ask`, the inner planner's method of this name, says to an observation."""
+        """Returns the answer of `ask`, the inner planner's method `name`, to an observation."""
         return ask(observation)

@@ -37,8 +37,8 @@ class PlanningScene:
         base_pose: (3,) x, y, yaw in W [m, rad].
         arm: Command from which a movement starts [rad, rad/s].
         X_TO: The goal object's pose.
-        cloud_T: (P, 3) seen obstacles near the arm [m].
-        checker: Distances of the arm to everything that it must not touch.
+        cloud_T: (P, 3) observed obstacles near the arm [m].
+        checker: Distances of the arm to the obstacles, the goal object and the body.
     """
 
     base_pose: Vector
@@ -49,12 +49,12 @@ class PlanningScene:
 
     @cached_property
     def field(self) -> PointCloudDistance:
-        """The obstacles that the coupling sees, in T."""
+        """Distances to the obstacles that the coupling sees, in T."""
         return PointCloudDistance(self.cloud_T)
 
 
 class PlanningSceneBuilder:
-    """Makes planning scenes of observations.
+    """Builds planning scenes from observations.
 
     Args:
         model: Pepper.
@@ -86,15 +86,15 @@ class PlanningSceneBuilder:
         return model.pose(context, "torso")
 
     def obstacle_field(self, observation: Observation) -> PointCloudDistance:
-        """Returns distances to the cloud and to the part of the support that was not seen, in W.
+        """Returns distances to the cloud and to the unseen part of the support surface, in W.
 
-        Both are taken to be solid down to `solid_depth`.
+        Both are assumed to be solid down to `solid_depth`.
         """
         cloud, p_WO = observation.obstacles, observation.p_WO
         params = self._params.support_surface
         beside = extrapolate_support_surface(cloud, p_WO, observation.base_pose, params)
         below = np.zeros((0, 3))
-        if observation.space is not None:  # Without cameras all is known.
+        if observation.space is not None:  # Without cameras all space is known.
             below = assumed_support(cloud, p_WO, self._goal_radius, params)
         return PointCloudDistance(
             np.concatenate((cloud, beside, below)), extension=self._params.solid_depth
@@ -106,9 +106,9 @@ class PlanningSceneBuilder:
         """Returns the planning scene of an observation.
 
         Args:
-            observation: What is known.
-            field_W: Distances to obstacles, of `obstacle_field`; for an observation from another
-                base pose that of the original one.
+            observation: The observation.
+            field_W: Distances to obstacles, from `obstacle_field`; for an observation with another
+                base pose, that of the original observation.
         """
         field_W = self.obstacle_field(observation) if field_W is None else field_W
         joint_position, base_pose = observation.joint_position, observation.base_pose
@@ -135,7 +135,7 @@ class PlanningSceneBuilder:
         )
 
     def _body_layer(self, joint_position: Vector) -> Vector:
-        """Distances of the body on the grid, for its joints rounded and its head straight."""
+        """Returns the body's distances on the grid, with rounded joints and the head straight."""
         rounded = np.round(joint_position / 0.05) * 0.05
         rounded[body_indices(["HeadYaw", "HeadPitch"])] = 0.0
         rounded[self._arm_in_body] = 0.0

@@ -1,4 +1,4 @@
-"""Simulates movements in a planning scene, judges them, and adapts the demonstrated one."""
+"""Simulates and evaluates movements in a planning scene, and adapts the demonstrated one."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -31,22 +31,22 @@ Vector = npt.NDArray[np.float64]
 
 
 class ReachEvaluator:
-    """Simulates movements: primitive, coupling, inverse kinematics and limits.
+    """Simulates and evaluates movements: primitive, coupling, inverse kinematics and limits.
 
-    It moves nothing and remembers nothing: a call depends on its arguments alone.
+    Stateless: results depend on the arguments only.
 
     Args:
-        primitive: With orientation and posture.
+        primitive: Primitive with orientation and posture.
         task: Arm, goal and criteria.
 
     Attributes:
         demonstrated: The movement as it was demonstrated.
         params: Criteria of a good reach.
-        scenes: Makes planning scenes of observations.
-        adapter: Adapts movements; None if they are not adapted.
-        kinematics: Of the arm.
-        limits: Of the arm's commands.
-        time_step: Between commands [s].
+        scenes: Builds planning scenes from observations.
+        adapter: Adapts movements; None for no adaptation.
+        kinematics: Kinematics of the arm.
+        limits: Limits of the arm's commands.
+        time_step: Time between commands [s].
 
     Raises:
         InputError: The primitive has no orientation or no posture.
@@ -85,11 +85,11 @@ class ReachEvaluator:
             )
 
     def quality(self, plan: ReachPlan) -> tuple[bool, bool, float, float]:
-        """Returns the order of plans; see `reach_plan.quality`."""
+        """Returns the sort key of a plan; see `reach_plan.quality`."""
         return quality(plan, self.params.clearance.want)
 
     def is_good(self, plan: ReachPlan) -> bool:
-        """True if a plan is clear by as much as is wanted."""
+        """True if a plan is clear and has the clearance `want`."""
         return plan.status == PlanStatus.CLEAR and plan.clearance >= self.params.clearance.want
 
     def adapted(
@@ -107,7 +107,7 @@ class ReachEvaluator:
             simulated: (K, 5) joints of the movement without adaptation [rad], one more path to
                 start from.
             plan: Whether a path planner is asked where no demonstration can be adapted.
-            allowance: Clearance that may be missing [m].
+            allowance: By how much the clearance may fall short [m].
         """
         if self.adapter is None:
             return
@@ -121,7 +121,7 @@ class ReachEvaluator:
     def movement_along(
         self, scene: PlanningScene, path: AdaptedTrajectory, origin: Origin = Origin.ADAPTED
     ) -> Movement:
-        """Returns a movement that keeps to a path of the arm's joints."""
+        """Returns a movement along a joint path."""
         demonstrated = self.demonstrated
         primitive = fit_primitive_to_joint_path(
             self.kinematics,
@@ -135,7 +135,7 @@ class ReachEvaluator:
         return Movement(primitive, coupling, X_OG, origin=origin)
 
     def coupling_along(self, scene: PlanningScene, primitive: MovementPrimitive) -> Coupling | None:
-        """Returns the demonstrated movement's barrier, fitted so that it lets a primitive pass."""
+        """Returns the demonstrated movement's coupling; a barrier is fitted to the primitive."""
         coupling = self.demonstrated.coupling
         if not isinstance(coupling, BarrierCoupling):
             return coupling
@@ -152,12 +152,12 @@ class ReachEvaluator:
     def evaluate(
         self, scene: PlanningScene, movement: Movement, allowance: float = 0.0
     ) -> ReachPlan:
-        """Simulates a movement and judges it.
+        """Simulates and evaluates a movement.
 
         Args:
             scene: The planning scene.
-            movement: To be performed from the scene's arm state.
-            allowance: Clearance that may be missing [m].
+            movement: The movement, which starts from the scene's arm state.
+            allowance: By how much the clearance may fall short [m].
         """
         params, arm = self.params, scene.arm
         X_TG = scene.X_TO @ movement.X_OG

@@ -1,10 +1,10 @@
-"""The stages of a reach."""
+"""Modes of a reach, and the user's commands."""
 
 from enum import IntEnum
 
 
 class ReachMode(IntEnum):
-    """Modes of the reach."""
+    """Modes of a reach."""
 
     LOOKING = 0
     DRIVING = 1
@@ -17,13 +17,13 @@ class ReachMode(IntEnum):
 
 
 class ReachCommand(IntEnum):
-    """Commands of a person to the robot."""
+    """Commands of the user or of a task sequence to the supervisor."""
 
     IDLE = 0
-    """Nothing: the arm is led, or moved in another way."""
+    """Do nothing: the arm is guided by hand, or moved otherwise."""
     REACH = 1
-    """One reach, from the search for the goal on."""
+    """Perform one reach, beginning with the search for the goal."""
     STOP = 2
-    """The end of the present reach; the arm brakes and holds still."""
+    """End the present reach; the arm brakes and holds still."""
     MOVE = 3
-    """One movement of the arm, planned from where the base stands."""
+    """Perform one arm movement, planned from the present base pose."""

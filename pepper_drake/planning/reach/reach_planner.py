@@ -38,22 +38,22 @@ __all__ = ["PlanStatus", "ReachPlan", "ReachPlanner", "ReachPlannerParams"]
 Vector = npt.NDArray[np.float64]
 
 _AROUND_CAMERA = ("Head", "Neck")
-"""Links that turn with the depth camera, and hide nothing from it."""
+"""Links that turn with the depth camera and do not occlude its view."""
 
 
 class ReachPlanner:
     """Implements `Planner` by kinematic simulation and adaptation of the demonstrated movement.
 
-    A movement that is not clear is adapted: the path of the whole arm is optimised until it is,
-    and becomes a primitive again. The planner moves nothing and remembers nothing: a call depends
-    on its arguments alone.
+    A movement that is not clear is adapted: the path of the whole arm is optimised until it is
+    clear, and a primitive is fitted to it. The planner is stateless: plans depend on the arguments
+    only.
 
     Args:
-        primitive: With orientation and posture.
+        primitive: Primitive with orientation and posture.
         task: Arm, goal and criteria.
 
     Attributes:
-        base_placement: Candidate base poses.
+        base_placement: Generates candidate base poses.
 
     Raises:
         InputError: The primitive has no orientation or no posture.
@@ -72,7 +72,7 @@ class ReachPlanner:
     def with_primitive(
         self, primitive: MovementPrimitive, X_OG: RigidTransform | None = None
     ) -> "ReachPlanner":
-        """Returns the planner of another movement for the same task, or for another goal."""
+        """Returns a planner for another primitive and, if given, another pre-grasp pose."""
         task = self._task if X_OG is None else replace(self._task, X_OG=X_OG)
         return type(self)(primitive, task)
 
@@ -92,13 +92,13 @@ class ReachPlanner:
         return self._evaluator.limits
 
     def plan_base_placement(self, observation: Observation) -> ReachPlan:
-        """Returns the best plan from any place where the base can stand; see `Planner`."""
+        """Returns the best plan over all base placements; see `Planner`."""
         plan = self._base_planner.plan(observation)
         clear = plan.status == PlanStatus.CLEAR
         return self._with_unseen_drive(plan, observation) if clear else plan
 
     def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Returns a base placement as it looks now; see `Planner`."""
+        """Returns a base placement, checked again; see `Planner`."""
         place, lost = plan.base_pose[None], self.params.room_lost
         if not self._base_planner.has_room(place, observation, lost=lost)[0]:
             sentence = "something stands where the robot was going to drive"
@@ -106,7 +106,7 @@ class ReachPlanner:
         return self._with_unseen_drive(plan, observation)
 
     def check_reach(self, observation: Observation, movement: Movement | None = None) -> ReachPlan:
-        """Returns the best plan from where the base is; see `Planner`."""
+        """Returns the best plan from the present base pose; see `Planner`."""
         evaluator = self._evaluator
         scene = evaluator.scenes(observation)
         best = evaluator.evaluate(scene, self.demonstrated if movement is None else movement)
@@ -125,35 +125,35 @@ class ReachPlanner:
         return self._with_unseen(detour, observation)
 
     def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Returns a plan back to where there is more clearance; see `Planner`."""
+        """Returns a plan back to a configuration with more clearance; see `Planner`."""
         return plan_retreat(self._evaluator, plan, observation)
 
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
-        """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
+        """Returns the clearance along the rest of a plan's path; see `Planner`."""
         return remaining_clearance(self._evaluator, plan, observation)
 
     def stale_space(
         self, plan: ReachPlan, observation: Observation, new_obstacle: Vector, movable: Vector
     ) -> StaleSpace:
-        """Returns space that the arm passes soon and that was not seen lately; see `Planner`."""
+        """Returns space that the arm sweeps soon and that was not seen recently; see `Planner`."""
         params, space = self.params.unseen, observation.space
         if plan.joint_path is None:
             return StaleSpace()
-        soon = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1]
+        ahead = path_ahead(plan, observation)[: round(params.ahead / plan.time_step) + 1]
         stride = _stride(plan.time_step, params)
         duration = stride * plan.time_step
-        centers = self._evaluator.kinematics.sphere_centers_at(soon[::stride])
+        centers = self._evaluator.kinematics.sphere_centers_at(ahead[::stride])
         place, first = StaleSpace().place, len(centers)
         if space is not None:
-            lately = replace(params, oldest=params.recent)
+            recently = replace(params, oldest=params.recent)
             unseen = self._unseen(
-                soon, plan.time_step, observation, space, lately, duration, movable
+                ahead, plan.time_step, observation, space, recently, duration, movable
             )
             if unseen.regions:
                 first = min(unseen.first)
                 x, y, z = unseen.regions[unseen.first.index(first)].mean(axis=0)
                 place = (x, y, z)
-        # The distance to a new obstacle counts up to where the arm is by the next image.
+        # Distance of a new obstacle to the part of the path before the next image.
         near = centers[: round(self._task.image_period / duration) + 1].reshape(-1, 3)
         distance = np.inf
         if len(new_obstacle):
@@ -165,18 +165,18 @@ class ReachPlanner:
             return StaleSpace()
         steps = np.linalg.norm(np.diff(centers[: first + 2], axis=0), axis=2)
         fastest = float(steps.max(initial=0.0)) / duration
-        # Beside what may move the arm counts as there as soon as it is under way there.
-        under_way = max(first - int(len(movable) > 0), 0)
-        time = under_way * duration if first < len(centers) else np.inf
+        # Near movable things the space counts as entered one configuration earlier.
+        entry = max(first - int(len(movable) > 0), 0)
+        time = entry * duration if first < len(centers) else np.inf
         return StaleSpace(place, time, fastest, distance)
 
     def simulate_taught(self, observation: Observation) -> ReachPlan:
-        """Returns the plan of the movement as it was taught, coupling included, not adapted."""
+        """Returns the plan of the taught movement with its coupling, without adaptation."""
         evaluator = self._evaluator
         return evaluator.evaluate(evaluator.scenes(observation), self.demonstrated)
 
     def _with_unseen(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Returns a plan with what of its sweep was not seen; it is not clear then."""
+        """Adds the unseen part of the swept volume to a plan, which is then not clear."""
         params, space = self.params.unseen, observation.space
         if plan.status != PlanStatus.CLEAR or plan.joint_path is None or space is None:
             return plan
@@ -190,7 +190,7 @@ class ReachPlanner:
         return replace(plan, status=PlanStatus.NOT_SEEN, message=sentence)
 
     def _with_unseen_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Returns a clear base placement, or one whose drive passes space that was not seen."""
+        """Adds the unseen space swept by its drive to a base placement, which is then not clear."""
         params, space = self.params.unseen, observation.space
         if space is None or not params.drive:
             return plan
@@ -229,7 +229,7 @@ class ReachPlanner:
         stride: float = 0.0,
         movable: Vector | None = None,
     ) -> UnseenSpace:
-        """Unseen space that the arm sweeps along a path (N, 5) [rad] of a time step [s]."""
+        """Returns unseen space that the arm sweeps on a path (N, 5) [rad] of a time step [s]."""
         X_WT = self._evaluator.scenes.torso_pose(observation)
         return unseen_space(
             self._evaluator.kinematics,
@@ -246,7 +246,7 @@ class ReachPlanner:
     def _body_spheres(
         self, body: BodyClearance, observation: Observation, X_WT: RigidTransform
     ) -> tuple[Vector, Vector]:
-        """Centres (S, 3) in T and radii (S,) of spheres on some links of the robot [m]."""
+        """Returns centres (S, 3) in T and radii (S,) of the spheres of some links [m]."""
         x, y, yaw = observation.base_pose
         X_WB = RigidTransform(RotationMatrix.MakeZRotation(yaw), [x, y, 0.0])
         X_TB = X_WT.InvertAndCompose(X_WB)
@@ -260,5 +260,5 @@ class ReachPlanner:
 
 
 def _stride(time_step: float, params: UnseenSpaceParams) -> int:
-    """Number of steps of a path between the configurations that are compared."""
+    """Returns the number of time steps between the checked configurations of a path."""
     return max(round(params.stride / time_step), 1)

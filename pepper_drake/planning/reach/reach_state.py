@@ -1,4 +1,4 @@
-"""State of the reach's supervision."""
+"""State of the reach supervision."""
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -16,34 +16,34 @@ from pepper_drake.planning.reach.steadiness import Steadiness
 from pepper_drake.short_repr import short_repr
 
 RESTS = (ReachMode.IDLE, ReachMode.DONE, ReachMode.FAILED)
-"""Modes in which nothing is decided."""
+"""Modes in which the supervisor does nothing."""
 
 
 class Effect(Enum):
-    """Effect of a computation when it is over."""
+    """Effect of a computation that has finished."""
 
     BRAKE = "brake"
-    """The arm brakes, within its acceleration limits, and stays."""
+    """The arm brakes within its acceleration limits and holds still."""
     PLACEMENT = "placement"
-    """The base drives to where the plan has it, or the reach is refused."""
+    """The base drives to the planned base placement, or the reach fails."""
     CHECK = "check"
-    """The plan is what the arm will do from where the base stands, or another place is sought."""
+    """The plan is adopted for the present base pose, or another base placement is planned."""
     START = "start"
     """The arm starts."""
     MOVEMENT = "movement"
-    """The arm goes over to the plan."""
+    """The arm switches to the plan."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pending:
-    """The result of a computation that is not over yet in simulated time.
+    """The result of a computation that has not finished in simulated time.
 
     Attributes:
-        due: When it takes effect [s].
-        effect: What it does then.
-        plan: The plan that it gives, if any.
-        observation: What the plan was made from, if it is to be remembered.
-        suspended_plan: For a retreat, the plan that is taken up again later.
+        due: Time at which it takes effect [s].
+        effect: Its effect.
+        plan: The resulting plan, if any.
+        observation: The observation behind the plan, if it is to be stored.
+        suspended_plan: For a retreat, the plan to resume later.
     """
 
     due: float
@@ -55,47 +55,48 @@ class Pending:
 
 @dataclass(frozen=True, eq=False)
 class ReachState:
-    """The supervisor's state; each change makes a new one.
+    """Immutable state of the supervisor.
 
-    Nothing in it depends on how fast the computer is: plans take effect `PlanningLatency` after
-    what they were made from.
+    It does not depend on the computer's speed: plans take effect `PlanningLatency` after the
+    observation that they were made from.
 
     Attributes:
-        mode: What the robot is doing.
+        mode: Mode of the reach.
         since: When the mode or the present movement began [s].
         goal_seen_since: When the goal was first seen [s]; NaN before.
-        base_pose_wanted: Where the base should stand, x, y, yaw in W [m, rad]; NaN to stay.
-        reason: Name of the outcome: "" while all is well.
+        base_pose_wanted: Goal of the base, x, y, yaw in W [m, rad]; NaN to stay.
+        reason: Name of the failure, or of an unconfirmed success; "" for none.
         message: The same as a sentence.
-        still_since: Since when the hand has been at the goal [s]; NaN when it is not.
-        places: Base placements chosen so far.
+        still_since: When the hand arrived at the goal [s]; NaN while it is not there.
+        places: Number of base placements chosen so far.
         placement: The last base placement, with the movement that was found for it. While the
-            robot looks for the goal: one whose drive passes space that was not seen yet.
-        plan: What is performed, or will be; None before it is decided.
-        movements: Movements begun so far: more than one after replanning.
-        braking: Whether the arm brakes or stands, and the base too, until there is a plan or a
-            depth image again.
-        cloud_time: Of the last cloud that the rest of the movement was checked against [s].
-        checked: When the reach was last planned from where the robot stands, or a detour was last
-            sought in vain [s].
+            robot looks for the goal: one whose drive would sweep unseen space.
+        plan: The present or next plan; None before there is one.
+        movements: Number of movements begun so far: more than one after replanning.
+        braking: Whether the arm, and the base too, brakes or stands until the next plan or depth
+            image.
+        cloud_time: Capture time of the last cloud against which the movement was checked [s].
+        checked: When the reach was last planned from the present base pose, or the last search for
+            a detour failed [s].
         planned_with: The observation that the movement was planned with.
         started_with: The observation that the first movement was planned with.
-        hanging: (N, 3) points near the goal of things that hung in the air then, in W [m].
-        waits_with: The observation with which the arm retreated or last sought a detour.
-        suspended_plan: While the arm has retreated: the plan that is taken up again later.
-        arrived: When the base last arrived where it was sent [s].
+        hanging: (N, 3) points in `started_with` of things that hang in the air near the goal, in
+            W [m].
+        waits_with: The observation with which the arm retreated or last searched for a detour.
+        suspended_plan: The plan to resume after a retreat; None if the arm has not retreated.
+        arrived: When the base last arrived [s].
         started: When the arm first started [s].
-        speed: The share of its speed at which the movement is performed.
-        performed: Time of the movement that is over, at its full speed [s].
-        stale: Space ahead that was not seen lately, its time as that of the movement.
-        slowed: Time that slowing down has cost, in all movements [s].
-        waited: Time for which it waited for obstacles to leave, in all [s].
-        blind: Time for which the arm waited because depth images did not come [s].
-        may_drive: Whether the base may be sent to another place.
-        look_at: Place in W that was not seen, or not lately, and that the arm is going to pass [m];
-            NaN for none.
-        steadiness: Of what is measured, since the arm started.
-        pending: Results of computations that have no effect yet.
+        speed: Time scaling of the movement: 1 at full speed.
+        performed: Progress of the movement, as time at full speed [s].
+        stale: Space ahead that was not seen recently, its time measured like `performed`.
+        slowed: Time lost by slowing down, in all movements [s].
+        waited: Total time spent waiting for obstacles to leave [s].
+        blind: Total time spent waiting for depth images [s].
+        may_drive: Whether the base may be sent to another base placement.
+        look_at: Gaze target in W [m]: space to be swept that was not seen, or not recently, or the
+            obstacle that blocks the path; NaN for none.
+        steadiness: Steadiness of the measurements since the arm started.
+        pending: Results that have not taken effect.
     """
 
     __repr__ = short_repr
@@ -134,17 +135,17 @@ class ReachState:
 
     @property
     def movement(self) -> Movement | None:
-        """The plan's movement, whether it is performed yet or not."""
+        """The plan's movement, whether it has started or not."""
         return None if self.plan is None else self.plan.movement
 
     @property
     def active_movement(self) -> int:
-        """The number of the movement that is performed; 0 for none."""
+        """The number of the running movement; 0 for none."""
         return self.movements if self.has_started and not self.braking else 0
 
     @property
     def performed_origin(self) -> Origin:
-        """Origin of the movement that is performed."""
+        """Origin of the running movement."""
         if not self.active_movement:
             return Origin.NONE
         return Origin.TAUGHT if self.movement is None else self.movement.origin
@@ -171,11 +172,11 @@ class ReachState:
         return self.braking or any(one.effect == Effect.BRAKE for one in self.pending)
 
     def __deepcopy__(self, memo: dict) -> "ReachState":
-        """Returns itself: Drake copies the state at each event, and this never changes."""
+        """Returns itself: Drake copies the state at each event, and it is immutable."""
         return self
 
     def after(self, duration: float) -> "ReachState":
-        """Returns the state with so much more of the movement performed, if there is one [s]."""
+        """Returns the state with a running movement advanced by a duration [s]."""
         if not self.active_movement:
             return self
         moved = self.speed * duration
@@ -194,7 +195,7 @@ class ReachState:
     def with_plan(
         self, plan: ReachPlan, time: float, suspended_plan: ReachPlan | None = None
     ) -> "ReachState":
-        """Returns the state of an arm that goes over to another plan."""
+        """Returns the state of an arm that switches to another plan."""
         retreats_on = None not in (suspended_plan, self.suspended_plan)
         return replace(
             self,
@@ -211,7 +212,7 @@ class ReachState:
         )
 
     def fail(self, time: float, reason: str, message: str) -> "ReachState":
-        """Returns the final state of a failure, named by a word and a sentence; the base stays."""
+        """Returns the final state of a failure with its name and sentence; the base stays."""
         nowhere = (np.nan, np.nan, np.nan)
         return replace(
             self.to(ReachMode.FAILED, time),
@@ -224,12 +225,12 @@ class ReachState:
 
 
 def obey(state: ReachState, command: ReachCommand, time: float) -> ReachState:
-    """Returns the state after a person's command; one that is obeyed already changes nothing.
+    """Returns the state after a command; a repeated command has no effect.
 
     Args:
-        state: Before.
-        command: What is wanted.
-        time: Now [s].
+        state: State before.
+        command: The command.
+        time: Present time [s].
     """
     if command == ReachCommand.IDLE:
         idle = state.mode == ReachMode.IDLE

@@ -1,4 +1,4 @@
-"""Supervision of a reach as a pure function: state and observation in, state out."""
+"""Supervision of a reach as a pure function of state and observation."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +16,7 @@ from pepper_drake.planning.reach.separation import changed_speed, speed_share
 from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
 
 UNCONFIRMED = "reached_unconfirmed"
-"""Name of the outcome of a reach whose goal was not seen recently."""
+"""Outcome of a reach whose goal was not seen recently."""
 
 
 def step(
@@ -28,13 +28,13 @@ def step(
     """Returns the state after an observation.
 
     LOOKING (find the goal, look at the scene) → DRIVING (to a base placement) → SETTLING (stand,
-    look again, check the reach) → REACHING → HOLDING → DONE; from everywhere to FAILED, where the
-    arm holds still. The planner's answers take effect after `timing.latency`.
+    look again, check the reach) → REACHING → HOLDING → DONE; from each of them to FAILED, where the
+    arm holds still. Plans take effect after `timing.latency`.
 
     Args:
-        state: Before.
-        observation: What is known now.
-        planner: Finds plans; its answers depend on their arguments alone.
+        state: State before.
+        observation: The present one.
+        planner: Finds plans; must be stateless.
         timing: Durations, timeouts and latencies.
     """
     if state.mode in RESTS:
@@ -59,14 +59,14 @@ def step(
 
 
 class _Supervision(DriveSupervision):
-    """One step: an observation with those who judge it."""
+    """One step of the supervision, for one observation."""
 
     def __init__(self, observation: Observation, planner: Planner, timing: ReachTiming) -> None:
         super().__init__(observation, planner, timing)
         self._replanner = ReachReplanner(planner, timing)
 
     def fault(self, state: ReachState) -> ReachState | None:
-        """Returns the failed state if the reach cannot go on, whatever the mode."""
+        """Returns the failed state if the reach cannot go on, else None."""
         observation, timing, time = self._observation, self._timing, self._time
         stop, complaint = observation.stop_reason, state.steadiness.complaint(timing.steadiness)
         if stop != StopReason.NONE:
@@ -90,7 +90,7 @@ class _Supervision(DriveSupervision):
         return None
 
     def take_effect(self, state: ReachState) -> ReachState:
-        """Returns the state after all computations that are over by now."""
+        """Returns the state after all computations that have finished."""
         while due := [one for one in state.pending if one.due <= self._time + ROUNDING]:
             first = min(due, key=lambda one: one.due)
             rest = tuple(one for one in state.pending if one is not first)
@@ -107,10 +107,10 @@ class _Supervision(DriveSupervision):
             return replace(starting, movements=1, started=time, look_at=NOWHERE)
         assert plan is not None
         if plan.status == PlanStatus.CLEAR or result.effect == Effect.MOVEMENT:
-            # Later the base stands where it is, and a goal that is far from it was moved.
+            # Only a base placement must be near the goal; later the goal may have moved away.
             is_placed = result.effect == Effect.PLACEMENT
-            reach = self._planner.params.obstacle_range if is_placed else np.inf
-            if (flaw := plan.flaw(self._observation.p_WO, reach)) is not None:
+            farthest = self._planner.params.obstacle_range if is_placed else np.inf
+            if (flaw := plan.flaw(self._observation.p_WO, farthest)) is not None:
                 return state.fail(time, "plan_invalid", flaw)
         if result.effect == Effect.MOVEMENT:
             moving = state.to(ReachMode.REACHING, time)
@@ -123,24 +123,24 @@ class _Supervision(DriveSupervision):
                 return replace(
                     state, plan=plan, planned_with=seen, started_with=seen, hanging=hanging
                 )
-            if plan.status == PlanStatus.NOT_SEEN and not self._looked_long(state):
+            if plan.status == PlanStatus.NOT_SEEN and not self._has_look_timed_out(state):
                 x, y, z = plan.unseen.mean(axis=0)
                 return replace(state, plan=None, look_at=(x, y, z))
             if not self._has_settled(state):
-                return replace(state, plan=None)  # More is seen after standing for longer.
-            if self._drives(state) and state.places < self._timing.places:
+                return replace(state, plan=None)  # The map still improves while the robot stands.
+            if self._may_drive(state) and state.places < self._timing.places:
                 return self._place_base(state)
             return state.fail(time, plan.status.value, plan.message)
         return self.placed(state, plan)
 
-    def _drives(self, state: ReachState) -> bool:
+    def _may_drive(self, state: ReachState) -> bool:
         return self._timing.drives and state.may_drive
 
     def _has_settled(self, state: ReachState) -> bool:
         return self._time - state.since >= self._timing.settling - ROUNDING
 
     def settle(self, state: ReachState) -> ReachState:
-        """Plans while the robot settles, and confirms the plan with the last observation."""
+        """Plans while the robot settles, then checks the plan against the latest observation."""
         timing, time = self._timing, self._time
         if state.is_planning:
             return state
@@ -157,7 +157,7 @@ class _Supervision(DriveSupervision):
         if time - state.since > timing.settling_timeout:
             message = "the scene changed so often that no plan for the arm could be confirmed"
             return self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
-        seen = self._still()
+        seen = self._without_predictions()
         movement = None if state.placement is None else state.placement.movement
         plan = self._planner.check_reach(seen, movement)
         due = time + timing.latency.plan
@@ -170,7 +170,7 @@ class _Supervision(DriveSupervision):
             return True
         moved = np.linalg.norm(self._observation.p_WO - state.planned_with.p_WO)
         same_goal = bool(moved <= self._planner.params.tolerance.moved)
-        return same_goal and self._replanner.is_free(plan, self._still())
+        return same_goal and self._replanner.is_free(plan, self._without_predictions())
 
     def _look_ahead(self, state: ReachState) -> ReachState:
         """Checks the rest of the movement against a new cloud; see `ReachReplanner`."""
@@ -180,7 +180,7 @@ class _Supervision(DriveSupervision):
             pending = state.pending if state.braking else ()
             return replace(state, braking=True, pending=pending, blind=blind)
         if observation.predicted_clearance < self._planner.params.clearance.stop:
-            # What is predicted may not come: the arm brakes until another cloud tells more.
+            # The prediction may be wrong: the arm brakes until the next cloud.
             state = state if state.braking else replace(state, braking=True)
         if plan is None or observation.cloud_time == state.cloud_time:
             return state
@@ -190,9 +190,9 @@ class _Supervision(DriveSupervision):
         return self._replanner(state, observation)
 
     def _pace(self, state: ReachState) -> ReachState:
-        """Slows the movement down before space that was not seen lately; see `separation`."""
+        """Slows the movement down before space that was not seen recently; see `separation`."""
         if not state.active_movement or state.is_planning:
-            return state  # A plan that is computed begins where this one gets at this speed.
+            return state  # The start of the plan being computed was predicted at this speed.
         params, stale = self._timing.separation, state.stale
         wanted = speed_share(stale._replace(time=stale.time - state.performed), params)
         speed = changed_speed(state.speed, wanted, self._timing.time_step, params)
@@ -230,7 +230,7 @@ class _Supervision(DriveSupervision):
         return state if np.isnan(state.still_since) else replace(state, still_since=np.nan)
 
     def hold(self, state: ReachState) -> ReachState:
-        """Stays at the goal until it was seen there; retreats if something comes."""
+        """Holds until the goal is seen again, then ends; retreats from obstacles."""
         state, timing = self._pace(self._look_ahead(state)), self._timing
         held, age = self._time - state.since, self._observation.goal_age
         if state.braking or state.is_planning or held < timing.holding - ROUNDING:

@@ -17,18 +17,18 @@ from pepper_drake.planning.trajectories.adaptation_params import GoalAxis
 
 @dataclass(frozen=True, eq=False)
 class ReachTask:
-    """All that a reach planner needs to know beside the movement.
+    """Input of a reach planner besides the movement.
 
     Attributes:
         model: Pepper.
         arm: "left" or "right".
         X_OG: The hand's pre-grasp pose in the goal object's frame.
-        coupling: How obstacles bend the movement; None for not at all.
+        coupling: Obstacle coupling; None for no obstacle avoidance.
         ik: Parameters of the inverse kinematics.
         params: Criteria of a good reach.
         image_period: Time between depth images [s].
-        goal_solids: The goal object's shapes in its frame: an adapted movement keeps off them.
-        axis: Of the hand, that counts for the task.
+        goal_solids: The goal object's shapes in its frame: adapted movements keep clear of them.
+        axis: The axis of the hand whose direction matters for the task.
     """
 
     model: ControlModel

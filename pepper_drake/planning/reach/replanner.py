@@ -1,4 +1,4 @@
-"""Online replanning: what the arm does about obstacles that appear on its way."""
+"""Online replanning: detours and retreats when obstacles appear on the arm's path."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,11 +27,11 @@ Vector = npt.NDArray[np.float64]
 class ReachReplanner:
     """Checks the rest of a movement against each new cloud.
 
-    If it is not clear, a detour is planned; if there is none, or if the obstacle moves, the arm
-    retreats to where there is more clearance, waits, and goes on when the path is clear. A plan
-    takes effect `latency.plan` after the cloud; until then the old movement goes on, unless the
-    obstacle moves or the path is not clear as far as the arm gets by then: in these cases the arm
-    brakes, which needs no plan, `latency.check` after the cloud.
+    If it is not clear, a detour is planned. If there is none, or if the obstacle moves, the arm
+    retreats to a configuration with more clearance, waits, and resumes when the path is clear. A
+    plan takes effect `latency.plan` after the cloud. Until then the old movement goes on, unless
+    the obstacle moves or the path up to that time is not clear: then the arm brakes, which needs no
+    plan, `latency.check` after the cloud.
 
     Attributes:
         planner: Finds detours and retreats.
@@ -44,10 +44,10 @@ class ReachReplanner:
     def is_free(self, plan: ReachPlan, observation: Observation) -> bool:
         """True if the rest of a plan's path keeps its clearance."""
         rest = self.planner.remaining_clearance(plan, observation)
-        return rest.least >= self._enough(plan)
+        return rest.least >= self._replan_clearance(plan)
 
     def __call__(self, state: ReachState, observation: Observation) -> ReachState:
-        """Returns the state after a new cloud; decisions are pending in it."""
+        """Returns the state after a new cloud, with decisions in `pending`."""
         plan, time, latency = state.plan, observation.time, self.timing.latency
         assert plan is not None
         has_waited = self._has_waited(state, time)
@@ -57,7 +57,7 @@ class ReachReplanner:
             x, y, z = new.mean(axis=0)
             state = replace(state, look_at=(x, y, z))
         if has_waited and self._stands(state, observation):
-            # An obstacle that has stood there for so long is not new any more.
+            # An obstacle that has stood still for the whole wait no longer counts as new.
             known = observation if state.planned_with is None else state.planned_with
             state = replace(state, planned_with=known.with_cloud(observation.obstacles))
         seen = observation.with_cloud(self._with_hidden_sides(state, observation))
@@ -65,18 +65,18 @@ class ReachReplanner:
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
         if is_under_way:
-            # What came and is predicted nowhere else stands.
+            # A new obstacle without a predicted motion is stationary.
             moving = new if len(observation.predicted_cloud) else new[:0]
             movable = np.concatenate((moving, state.hanging))
             stale = self.planner.stale_space(reach, observation, new, movable)
             stale = stale._replace(time=state.performed + stale.time)
             state = replace(state, look_at=stale.place, stale=stale)
         elif not state.braking:
-            state = replace(state, stale=self._passed_on_retreat(plan, observation, new))
-        is_free = rest.least >= self._enough(reach)
+            state = replace(state, stale=self._retreat_separation(plan, observation, new))
+        is_free = rest.least >= self._replan_clearance(reach)
         if is_free and is_under_way and not state.braking:
             return state
-        # From a moving obstacle the arm will retreat: until then it need not go on towards it.
+        # The arm will retreat from a moving obstacle anyway, so it brakes at once.
         is_urgent = (
             len(observation.predicted_cloud) > 0
             or rest.within(latency.plan + 2.0 * latency.check) < self.planner.params.clearance.start
@@ -86,12 +86,12 @@ class ReachReplanner:
         if state.is_planning:
             return state
         start, due = self._predicted_start(state, observation)
-        # The motion of a moving obstacle is not known well enough to pass it: it gets time.
-        is_sudden = is_under_way and not len(observation.predicted_cloud)
-        if is_free or has_waited or is_sudden:
+        # A moving obstacle is too uncertain to pass: the arm waits for it to leave.
+        may_pass = is_under_way and not len(observation.predicted_cloud)
+        if is_free or has_waited or may_pass:
             detour = self._detour(state, reach, observation.with_arm(start), seen, is_free)
             if detour.status == PlanStatus.CLEAR and (
-                is_under_way or detour.clearance >= self._enough(reach)
+                is_under_way or detour.clearance >= self._replan_clearance(reach)
             ):
                 return state.later(Pending(due, Effect.MOVEMENT, detour))
             state = replace(state, checked=time)
@@ -100,7 +100,7 @@ class ReachReplanner:
         return self._retreat(state, plan, reach, seen.with_arm(start), due)
 
     def _new_obstacle(self, state: ReachState, observation: Observation) -> Vector:
-        """Returns the points (N, 3) near the goal at which nothing was when the arm started [m]."""
+        """Returns points (N, 3) near the goal where nothing was when the arm started [m]."""
         began = state.started_with
         if began is None:
             return np.zeros((0, 3))
@@ -109,7 +109,7 @@ class ReachReplanner:
         return new if len(new) >= params.fewest else new[:0]
 
     def hanging(self, observation: Observation) -> Vector:
-        """Returns the points (N, 3) of things near the goal that hang in the air, in W [m]."""
+        """Returns points (N, 3) of things near the goal that hang in the air, in W [m]."""
         space, params = observation.space, self.planner.params.new_obstacle
         near = np.linalg.norm(observation.cloud - observation.p_WO, axis=1) < params.near
         if space is None or not near.any():
@@ -118,10 +118,10 @@ class ReachReplanner:
         hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.fewest)
         return cloud[hangs]
 
-    def _passed_on_retreat(
+    def _retreat_separation(
         self, plan: ReachPlan, observation: Observation, new: Vector
     ) -> StaleSpace:
-        """Returns the distance to new points (N, 3) [m] that a retreat does not leave yet.
+        """Returns the distance to new points (N, 3) [m] that a retreat does not move away from.
 
         A retreat goes back where the arm came from, and no slower than it can as long as it leaves
         what came. Past it the arm is as slow as on any other movement: the part of it that is
@@ -135,30 +135,31 @@ class ReachReplanner:
             return StaleSpace()
         return self.planner.stale_space(plan, observation, new, new[:0])._replace(time=np.inf)
 
-    def _enough(self, plan: ReachPlan) -> float:
-        """Returns the clearance below which a movement is planned anew [m]."""
+    def _replan_clearance(self, plan: ReachPlan) -> float:
+        """Returns the clearance below which a movement is replanned [m]."""
         return min(
             self.planner.params.clearance.replan, plan.clearance - self.timing.clearance_lost
         )
 
     def _has_waited(self, state: ReachState, time: float) -> bool:
-        """True if the arm retreated, or last sought a detour in vain, long ago."""
+        """True if `detour_delay` is over since the arm retreated or last found no detour."""
         last = max(state.since, state.checked)
         return state.suspended_plan is not None and time - last >= self.timing.detour_delay
 
     def _stands(self, state: ReachState, observation: Observation) -> bool:
-        """True if what is predicted is where it was when the arm began to wait, or last sought."""
-        soon, before = observation.predicted_cloud, state.waits_with
-        if not len(soon):
+        """True if the predicted obstacles have not moved since `waits_with`."""
+        predicted, before = observation.predicted_cloud, state.waits_with
+        if not len(predicted):
             return True
         if before is None or not len(before.predicted_cloud):
             return False
         stands_within = self.planner.params.new_obstacle.stands_within
-        far = cKDTree(before.predicted_cloud).query(soon, distance_upper_bound=stands_within)[0]
-        return bool(np.isfinite(far).all())
+        tree = cKDTree(before.predicted_cloud)
+        distances = tree.query(predicted, distance_upper_bound=stands_within)[0]
+        return bool(np.isfinite(distances).all())
 
     def _with_hidden_sides(self, state: ReachState, observation: Observation) -> Vector:
-        """Returns the obstacles (P, 3), new ones with what the camera cannot see of them [m]."""
+        """Returns the obstacles (P, 3) [m], new ones extended by their occluded sides."""
         cloud, known = observation.obstacles, state.planned_with
         if known is None:
             return cloud
@@ -170,9 +171,9 @@ class ReachReplanner:
     def _predicted_start(
         self, state: ReachState, observation: Observation
     ) -> tuple[ArmState, float]:
-        """Returns the arm's command when a plan takes effect, and when that is [s].
+        """Returns the arm's command when a plan takes effect, and that time [s].
 
-        An arm that brakes has to stand before another movement begins.
+        A braking arm comes to rest before another movement begins.
         """
         plan, latency, time = state.plan, self.timing.latency, observation.time
         assert plan is not None
@@ -180,7 +181,7 @@ class ReachReplanner:
         predict = partial(plan.predict, timing_error=self.timing.timing_error)
 
         def until_effect(latency: float) -> float:
-            # The supervisor takes a result at its next step, the controller in the tick after it.
+            # The supervisor adopts a result in its next step, the controller in the tick after.
             period = self.timing.time_step
             taken = period * np.ceil(latency / period - 1e-6)
             return tick * (np.floor(taken / tick + 1e-6) + 1.0)
@@ -188,19 +189,19 @@ class ReachReplanner:
         if not state.will_brake:
             start = predict(arm, elapsed, until_effect(latency.plan), state.speed)
             return start, time + latency.plan
-        going_on = 0.0
+        reaction = 0.0
         if not state.braking:
-            going_on = until_effect(latency.check)
-            arm = predict(arm, elapsed, going_on, state.speed)
+            reaction = until_effect(latency.check)
+            arm = predict(arm, elapsed, reaction, state.speed)
         limits = self.planner.limits
         stopping = [
             np.copysign(stopping_distance(abs(speed), change, tick), speed)
             for speed, change in zip(arm.velocity, tick * limits.acceleration, strict=True)
         ]
-        stands = time + going_on + float(np.max(np.abs(arm.velocity) / limits.acceleration))
+        at_rest = time + reaction + float(np.max(np.abs(arm.velocity) / limits.acceleration))
         return (
             ArmState(arm.position + stopping, np.zeros(len(stopping))),
-            max(time + latency.plan, stands),
+            max(time + latency.plan, at_rest),
         )
 
     def _detour(
@@ -211,7 +212,7 @@ class ReachReplanner:
         seen: Observation,
         is_free: bool,
     ) -> ReachPlan:
-        """Returns the best way on, at some distance from new obstacles unless they are gone."""
+        """Returns the best detour, with additional clearance to new obstacles still present."""
         known = state.planned_with
         cloud = seen.cloud
         if known is not None and not is_free:
@@ -232,7 +233,7 @@ class ReachReplanner:
     def _retreat(
         self, state: ReachState, plan: ReachPlan, reach: ReachPlan, seen: Observation, due: float
     ) -> ReachState:
-        """Retreats at a time [s], or stays where the arm is out of the way already."""
+        """Retreats at a time [s], or stays if the arm is already clear of the obstacle."""
         waits = state.suspended_plan is not None and not state.braking
         if waits and self.is_free(plan, seen):
             return state

@@ -1,21 +1,19 @@
-"""The speed at which the arm may go on towards space that was not seen lately.
+"""Speed limit of the arm before space that was not seen recently, and near new obstacles.
 
-Speed and separation monitoring (ISO/TS 15066:2016, 5.5.4) asks for the distance
+Speed and separation monitoring (ISO/TS 15066:2016, 5.5.4) requires the separation distance
 
     S_p = S_h + S_r + S_s + C + Z_d + Z_r,
 
-the distance that a person covers until the robot stands, those that the robot covers until it
-brakes and while it brakes, and uncertainties. Here the hazard is a place on the arm's path that an
-obstacle may have entered since it was seen. S_h, C and the Z are in the age up to which a place
-counts as seen (`UnseenSpaceParams.recent`). It remains that the arm has to stand before such a
-place, with
+the distance that a person covers until the robot stands, the robot's reaction and braking
+distances, and uncertainties. Here the hazard is a place on the arm's path that an obstacle may have
+entered since it was seen. S_h, C and Z are accounted for by the age up to which a place counts as
+seen (`UnseenSpaceParams.recent`). What remains is that the arm must be able to stop before such a
+place. The time t to it at the movement's full speed allows the fraction `speed` of that speed with
 
-    t = speed * reaction + speed² / (2 slowing),
+    t = speed * reaction + speed² / (2 slowing).
 
-the time to that place along the movement at its full speed, and `speed` the share of it.
-
-To an obstacle that appeared since the arm started, which may be larger than what is seen of it and
-may move, the arm keeps the distance itself: at a speed v of its fastest point
+An obstacle that appeared since the arm started may be larger than its visible part, and may move.
+From it the arm keeps the separation distance itself: at a speed v of its fastest point
 
     S_p = v_h (T_r + T_s) + v T_r + v T_s / 2 + C,   T_s = v / a.
 """
@@ -28,36 +26,35 @@ import numpy as np
 
 @dataclass
 class SeparationParams:
-    """Slowing down before space that was not seen lately."""
+    """Parameters of slowing down before space not seen recently, and near new obstacles."""
 
     reaction: float = 0.25
     """Time until the arm begins to slow down [s]: the age of an image, 0.1 s, the supervisor's
     period, 0.05 s, and half the time between images, 0.1 s."""
     slowing: float = 4.0
-    """Change of the share of the movement's speed [1/s]: from full speed the arm stands after
-    0.25 s, which at 1.5 rad/s is 6 rad/s² of the 10 that its joints may have."""
+    """Rate of change of the speed fraction [1/s]: the arm stops from full speed within 0.25 s,
+    which at 1.5 rad/s is 6 rad/s² of the 10 that its joints may have."""
     touch_speed: float = 0.04
-    """Speed of the arm's fastest point with which it goes on where it cannot see [m/s]: a touch
-    may have 0.05 m/s."""
+    """Speed of the arm's fastest point in unseen space [m/s]: a contact may have 0.05 m/s."""
     approach_speed: float = 0.3
-    """Speed v_h of a new obstacle [m/s]: the scenes' fastest. A walking person's, 1.6 m/s in the
-    technical specification, would not let the arm move anywhere near."""
+    """Speed v_h of a new obstacle [m/s]: the fastest in the scenes. That of a walking person,
+    1.6 m/s in the technical specification, would stop the arm anywhere near."""
     deceleration: float = 2.0
     """Deceleration a of the arm's fastest point [m/s²]: 0.5 m/s within the 0.25 s of `slowing`."""
     intrusion: float = 0.03
-    """Distance by which a new obstacle may reach beyond what is seen of it, C and Z [m]."""
+    """Distance by which a new obstacle may extend beyond its visible part, C and Z [m]."""
     slowest: float = 0.02
-    """Least share of a movement's speed: above zero, so that it gets to its end."""
+    """Least fraction of a movement's speed: above zero, so that the movement ends."""
 
 
 class StaleSpace(NamedTuple):
-    """Space that the arm passes soon and that was not seen lately.
+    """Space that the arm sweeps soon and that was not seen recently.
 
     Attributes:
-        place: Its middle (3,) in W [m]; NaN if there is none.
-        time: Until the arm gets there at its movement's full speed [s].
-        fastest: Speed of the arm's fastest point on the way, at that speed [m/s].
-        distance: Of the arm to an obstacle that appeared since it started [m].
+        place: Its centre (3,) in W [m]; NaN if there is none.
+        time: Time until the arm enters it at the movement's full speed [s].
+        fastest: Speed of the arm's fastest point until then, at full speed [m/s].
+        distance: Distance of the arm to an obstacle that appeared since it started [m].
     """
 
     place: tuple[float, float, float] = (np.nan, np.nan, np.nan)
@@ -67,7 +64,7 @@ class StaleSpace(NamedTuple):
 
 
 def separated_speed(distance: float, params: SeparationParams) -> float:
-    """Returns the speed that the arm's points may have at a distance from a new obstacle [m/s]."""
+    """Returns the speed limit of the arm's points at a distance [m] from a new obstacle [m/s]."""
     if not np.isfinite(distance):
         return np.inf
     v_h, r, a = params.approach_speed, params.reaction, params.deceleration
@@ -78,7 +75,7 @@ def separated_speed(distance: float, params: SeparationParams) -> float:
 
 
 def speed_share(stale: StaleSpace, params: SeparationParams) -> float:
-    """Returns the share of the movement's speed with which the arm may go on, from 0 to 1."""
+    """Returns the allowed fraction of the movement's speed, from 0 to 1."""
     share, fastest = 1.0, max(stale.fastest, 1e-9)
     if np.isfinite(stale.time):
         k, r = params.slowing, params.reaction
@@ -89,6 +86,6 @@ def speed_share(stale: StaleSpace, params: SeparationParams) -> float:
 
 
 def changed_speed(speed: float, wanted: float, duration: float, params: SeparationParams) -> float:
-    """Returns the share of the speed some time [s] after another one was wanted."""
+    """Returns the speed fraction a duration [s] after `wanted` was set."""
     most = params.slowing * duration
     return float(speed + np.clip(wanted - speed, -most, most))

@@ -1,7 +1,7 @@
-"""Steadiness of what is measured while the arm reaches: a jumping signal ends the reach.
+"""Steadiness of the measurements while the arm reaches: a jumping signal ends the reach.
 
-So does a cloud that is not the one of the map: on a still scene the cloud may be the same for long,
-so that only this tells one that is stuck from one that is right.
+So does a cloud that differs from the map's. In a static scene a correct cloud may stay the same for
+long, so only the comparison with the map reveals a stuck one.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ import numpy as np
 from pepper_drake.planning.reach.observation import Observation
 
 _SAMPLE = 300
-"""Points of a cloud that are compared with the cloud before."""
+"""Number of points of a cloud that are compared with the previous cloud."""
 
 
 @dataclass
@@ -19,7 +19,7 @@ class SteadinessParams:
     """Mean jumps from one observation to the next above which the reach ends."""
 
     outlier: float = 3.0
-    """A single jump counts as so many times the limit at most: things may be moved once."""
+    """A single jump is clipped to this multiple of its limit: an object may be moved once."""
     memory: float = 1.0
     """Time constant of the means [s]."""
     goal: float = 0.02
@@ -29,7 +29,7 @@ class SteadinessParams:
     """Mean jump of the base, which should stand [m]. Measured: 0.0001, and 0.0026 with noise of
     0.1 m/s on its commands."""
     other_clouds: int = 3
-    """Clouds in a row that are not those of the map at their images; none is, if all is well."""
+    """Number of successive clouds that differ from the map's at the same image; normally 0."""
     cloud: float = 0.004
     """Mean jump of the median point of the cloud [m]. Measured: 0.0001, and 0.013 with noise of
     20 mm."""
@@ -40,12 +40,12 @@ class Steadiness:
     """Mean jumps of the signals from one observation to the next.
 
     Attributes:
-        goal: Of the goal object [m].
-        base: Of the base [m].
-        cloud: Median distance of the cloud's points to the cloud before [m].
-        other_clouds: Number of clouds in a row that are not those of the map.
-        last: The observation before; None at the start.
-        last_cloud: The observation with the cloud before.
+        goal: Mean jump of the goal object [m].
+        base: Mean jump of the base [m].
+        cloud: Mean of the median distance of the cloud's points to the previous cloud [m].
+        other_clouds: Number of successive clouds that differ from the map's.
+        last: The previous observation; None at the start.
+        last_cloud: The observation with the previous cloud.
     """
 
     goal: float = 0.0
@@ -56,29 +56,29 @@ class Steadiness:
     last_cloud: Observation | None = None
 
     def advanced(self, observation: Observation, params: SteadinessParams) -> "Steadiness":
-        """Returns the means with one more observation."""
+        """Returns the means updated with an observation."""
         last, last_cloud = self.last, self.last_cloud
-        following = replace(self, last=observation)
+        updated = replace(self, last=observation)
         if last is not None:
-            share = (observation.time - last.time) / params.memory
+            weight = (observation.time - last.time) / params.memory
             goal = float(np.linalg.norm(observation.p_WO - last.p_WO))
             base = float(np.linalg.norm((observation.base_pose - last.base_pose)[:2]))
-            following = replace(
-                following,
-                goal=_mean(self.goal, min(goal, params.outlier * params.goal), share),
-                base=_mean(self.base, min(base, params.outlier * params.base), share),
+            updated = replace(
+                updated,
+                goal=_mean(self.goal, min(goal, params.outlier * params.goal), weight),
+                base=_mean(self.base, min(base, params.outlier * params.base), weight),
             )
         if last_cloud is not None and observation.cloud_time == last_cloud.cloud_time:
-            return following
+            return updated
         other = 0 if observation.cloud_is_of_map else self.other_clouds + 1
-        following = replace(following, last_cloud=observation, other_clouds=other)
+        updated = replace(updated, last_cloud=observation, other_clouds=other)
         if last_cloud is None or not (len(last_cloud.cloud) and len(observation.cloud)):
-            return following
-        share = (observation.time - last_cloud.time) / params.memory
-        some = observation.cloud[:: max(len(observation.cloud) // _SAMPLE, 1)]
-        jump = float(np.median(last_cloud.cloud_tree.query(some)[0]))
+            return updated
+        weight = (observation.time - last_cloud.time) / params.memory
+        sample = observation.cloud[:: max(len(observation.cloud) // _SAMPLE, 1)]
+        jump = float(np.median(last_cloud.cloud_tree.query(sample)[0]))
         return replace(
-            following, cloud=_mean(self.cloud, min(jump, params.outlier * params.cloud), share)
+            updated, cloud=_mean(self.cloud, min(jump, params.outlier * params.cloud), weight)
         )
 
     def complaint(self, params: SteadinessParams) -> tuple[str, str] | None:
@@ -96,6 +96,6 @@ class Steadiness:
         return None
 
 
-def _mean(mean: float, jump: float, share: float) -> float:
-    """The running mean of jumps after one more."""
-    return mean + min(share, 1.0) * (jump - mean)
+def _mean(mean: float, jump: float, weight: float) -> float:
+    """Returns a running mean updated with one jump."""
+    return mean + min(weight, 1.0) * (jump - mean)

@@ -1,4 +1,4 @@
-"""Space that the robot is going to sweep and that was not seen: not measured is not free."""
+"""Unseen space in the robot's swept volume: space that was not measured does not count as free."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -24,65 +24,65 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass
 class UnseenSpaceParams:
-    """When a movement passes space that was not seen."""
+    """Criteria by which swept space counts as unseen."""
 
     oldest: float = 15.0
-    """Time since a place was seen to be free up to which that counts [s]: the longest that a look
-    around, a drive and its settling take."""
+    """Age up to which an observation of free space is valid [s]: the longest that a look around, a
+    drive and its settling take."""
     recent: float = 0.8
-    """Time since a place was seen, when the arm passes it, up to which it goes there at full speed
-    [s]: a person's arm at 0.3 m/s moves on by 0.24 m, which is what is seen around a place."""
+    """Age of an observation up to which the arm enters a place at full speed [s]: a person's arm at
+    0.3 m/s moves by 0.24 m, the extent of what is seen around a place."""
     ahead: float = 1.5
-    """Time before the arm passes a place at which the head looks there, if it need be [s]."""
+    """Time before the arm enters a place at which the head looks there, if necessary [s]."""
     stride: float = 0.1
-    """Time between the configurations of the path that are compared [s]."""
+    """Time between the checked configurations of a path [s]."""
     cell: float = 0.03
-    """Edge of the cells of which an unseen region is counted [m]."""
+    """Edge length of the cells in which an unseen region is measured [m]."""
     thickness: float = 0.02
-    """Unseen places are unseen this far to five of six sides, too [m]: along the edges of things
-    the projector's light leaves sheets of a pixel or two in which nothing is measured."""
+    """A place is unseen if points this far from it on five of six sides are, too [m]: along edges
+    of objects the projector's shadow leaves unmeasured sheets of a pixel or two."""
     least_cells: int = 8
-    """Cells of a region that is large enough to hold something: 216 cm³, a fist."""
+    """Least number of cells of a region that could hold an obstacle: 216 cm³, a fist."""
     least_drive_cells: int = 37
-    """The same of the space that the whole robot passes on its drive: 1 litre, a bottle. Behind the
-    edges of its own hands and of the goal a few cells always stay in the light's shadow."""
+    """The same for the volume that the whole robot sweeps on its drive: 1 litre, a bottle. A few
+    cells always stay in the projector's shadow, behind the edges of the hands and the goal."""
     own_margin: float = 0.02
-    """Places this near to where the robot stands now are known to be free: it stands there [m]."""
+    """Places this close to the robot's present configuration are free: the robot is there [m]."""
     floor: float = 0.05
-    """Height up to which a driving robot's places belong to the floor [m]: nothing so low is told
-    from it in an image."""
+    """Height up to which places on a drive count as floor [m]: a depth image does not separate
+    anything so low from the floor."""
     out_of_view_is_clear: bool = True
-    """True if space that no head angle shows from where the robot stands, close to its chest or
-    behind its own shoulder, counts as known: whoever starts the robot keeps it clear. How much the
-    arm sweeps of it is reported."""
+    """True if space that no head angle shows from the present base pose, close to the chest or
+    behind the robot's own shoulder, counts as free: whoever starts the robot keeps it clear. The
+    volume of it that the arm sweeps is reported."""
     background: float = 4.0
-    """Distance of the floor behind a place up to which it can be seen to be free [m]: where nothing
-    is behind, a depth camera measures nothing, walls or not. Such places are out of view, too."""
+    """Distance of the floor behind a place up to which the place can be seen to be free [m]: with
+    nothing behind it a depth camera measures nothing. Farther places are out of view, too."""
     projector_baseline: float = 0.075
-    """Distance of the depth camera from its projector [m]: its light is hidden by the arm, too."""
+    """Distance of the depth camera from its projector, whose light the arm occludes, too [m]."""
     image_border: float = 0.15
-    """Share of half the image, along its border, in which a depth camera often measures nothing."""
+    """Border, as a fraction of half the image, in which a depth camera often measures nothing."""
     hidden_margin: float = 0.03
-    """Distance around what hides something at which a depth camera measures nothing either [m]."""
+    """Width around an occluding body in which a depth camera measures nothing either [m]."""
     beside_movable: float = 0.3
-    """Distance from a thing that moves, or hangs in the air and so may, within which nothing that
-    is out of view counts as known once the arm moves [m]: it covers that in 1 s."""
+    """Distance from an object that moves, or hangs in the air and so may move, within which space
+    out of view does not count as free once the arm moves [m]: the object covers it in 1 s."""
     drive: bool = False
-    """True if what the robot passes on its drive has to be known free, too, and what is hidden
-    below a thing that it saw counts as standing on the floor."""
+    """True if the volume swept on a drive must be known to be free, too, and objects are assumed to
+    extend down to the floor where their lower part is hidden."""
     accept: bool = False
-    """True to move through unseen space all the same."""
+    """True to move through unseen space anyway."""
 
 
 class UnseenSpace(NamedTuple):
     """Swept space that was not seen.
 
     Attributes:
-        regions: (K, 3) a point of each cell of each connected region, the largest first, in W [m];
-            those that are too small to matter are left out.
+        regions: Connected regions, the largest first, each as a point of each cell (K, 3) in W [m];
+            those too small to matter are left out.
         first: For each region, the index of the first configuration in it.
-        out_of_view: Volume of what cannot be seen from where the robot stands, and is left out of
-            `regions` if the parameters say so [m³].
+        out_of_view: Volume that is left out of `regions` because it cannot be seen from the present
+            base pose; see `UnseenSpaceParams.out_of_view_is_clear` [m³].
     """
 
     regions: tuple[Vector, ...]
@@ -107,24 +107,24 @@ def unseen_space(
     stride: float = 0.0,
     movable: Vector | None = None,
 ) -> UnseenSpace:
-    """Finds what of an arm movement's swept space was not seen.
+    """Finds the unseen part of an arm movement's swept volume.
 
-    The sweep is that of the centres of the arm's spheres, upper arm to hand; if something may move,
-    that of their foremost points.
+    The volume is swept by the centres of the arm's spheres, upper arm to hand, or by their foremost
+    points if there are movable things.
 
     Args:
-        kinematics: Of the arm.
+        kinematics: Kinematics of the arm.
         joint_path: (N, 5) configurations, the present one first [rad].
-        X_WT: The torso's pose.
-        space: What was seen.
-        time: Now [s].
-        params: What counts as seen, and as large.
-        body: Centres (S, 3) in T and radii (S,) of spheres on the rest of the robot, which hides
-            what is behind it [m].
-        stride: Time between the configurations, if it is to have been seen so lately when the arm
-            passes [s].
-        movable: (M, 3) points on things that may move, in W [m]: near them nothing is taken for
-            clear because it is out of view.
+        X_WT: Pose of the torso.
+        space: Observed space.
+        time: Present time [s].
+        params: Criteria of unseen space.
+        body: Centres (S, 3) in T and radii (S,) of spheres on the rest of the robot, which occludes
+            space behind it [m].
+        stride: Time between the configurations, to demand `params.oldest` of each when the arm
+            reaches it; 0 to demand it now [s].
+        movable: (M, 3) points on things that may move, in W [m]; space out of view near them is not
+            taken for free.
     """
     centers = kinematics.sphere_centers_at(joint_path)
     radii = np.broadcast_to(kinematics.spheres.radii, centers.shape[:2]).ravel()
@@ -132,7 +132,7 @@ def unseen_space(
     if movable is not None and len(movable):
         steps = np.diff(centers, axis=0, append=centers[-1:])
         if len(steps) > 1:
-            steps[-1] = steps[-2]  # At its end it would have gone on as before.
+            steps[-1] = steps[-2]  # Extrapolate the direction of motion at the end.
         steps = steps.reshape(-1, 3)
         lengths = np.maximum(np.linalg.norm(steps, axis=1), 1e-9)
         p_T = p_T + (radii / lengths)[:, None] * steps
@@ -141,12 +141,12 @@ def unseen_space(
     away = distance > radii + params.own_margin
     p_T, index = p_T[away], index[away]
     p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
-    hiding = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
+    spheres = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
     if body is not None:
-        hiding = (np.concatenate((hiding[0], body[0])), np.concatenate((hiding[1], body[1])))
+        spheres = (np.concatenate((spheres[0], body[0])), np.concatenate((spheres[1], body[1])))
     oldest = np.asarray(params.oldest - stride * index, dtype=float)
     return _unseen_places(
-        p_W, index, oldest, X_WT, hiding, space, time, params, params.least_cells, movable
+        p_W, index, oldest, X_WT, spheres, space, time, params, params.least_cells, movable
     )
 
 
@@ -156,24 +156,24 @@ def unseen_drive_space(
     goal: Vector,
     joint_position: Vector,
     X_WT: RigidTransform,
-    hiding: tuple[Vector, Vector],
+    spheres: tuple[Vector, Vector],
     space: SeenSpace,
     time: float,
     params: UnseenSpaceParams,
 ) -> UnseenSpace:
-    """Finds what was not seen of the space that the body sweeps on a straight drive.
+    """Finds the unseen part of the volume that the robot sweeps on a straight drive.
 
     Args:
-        body: All that is carried along.
-        base_pose: Where the base stands (3,), x, y [m], yaw [rad] in W.
-        goal: Where it is to stand (3,).
-        joint_position: The joints on the way (15,) [rad].
-        X_WT: The torso's pose now.
-        hiding: Centres (S, 3) in T and radii (S,) of spheres on the robot [m], which hide what is
-            behind them.
-        space: What was seen.
-        time: Now [s].
-        params: What counts as seen, and as large.
+        body: All links of the robot.
+        base_pose: Present pose of the base (3,), x, y [m], yaw [rad] in W.
+        goal: Goal of the base (3,).
+        joint_position: Joints during the drive (15,) [rad].
+        X_WT: Present pose of the torso.
+        spheres: Centres (S, 3) in T and radii (S,) of spheres on the robot, which occlude space
+            behind them [m].
+        space: Observed space.
+        time: Present time [s].
+        params: Criteria of unseen space.
     """
     solid = body.solid_points(joint_position, params.cell)
     poses = drive_poses(base_pose, goal, params.cell)
@@ -188,7 +188,7 @@ def unseen_drive_space(
     p_W, index = p_W[away], index[away]
     oldest = np.full(len(p_W), params.oldest)
     return _unseen_places(
-        p_W, index, oldest, X_WT, hiding, space, time, params, params.least_drive_cells
+        p_W, index, oldest, X_WT, spheres, space, time, params, params.least_drive_cells
     )
 
 
@@ -197,36 +197,36 @@ def _unseen_places(
     index: npt.NDArray[np.intp],
     oldest: Vector,
     X_WT: RigidTransform,
-    hiding: tuple[Vector, Vector],
+    spheres: tuple[Vector, Vector],
     space: SeenSpace,
     time: float,
     params: UnseenSpaceParams,
     least_cells: int,
     movable: Vector | None = None,
 ) -> UnseenSpace:
-    """Unseen space of places (N, 3) of configurations (N,), seen at most (N,) [s] ago."""
+    """Returns the regions of places (N, 3) that were not seen at most `oldest` (N,) [s] ago."""
     unseen = np.flatnonzero(space.unseen(p_W, time, oldest=oldest))
     unseen = unseen[np.unique(voxel_keys(p_W[unseen], params.cell), return_index=True)[1]]
     around = p_W[unseen, None] + params.thickness * np.concatenate((np.eye(3), -np.eye(3)))
-    late = np.repeat(oldest[unseen], 6)
-    sides = space.unseen(around.reshape(-1, 3), time, oldest=late).reshape(-1, 6)
+    limits = np.repeat(oldest[unseen], 6)
+    sides = space.unseen(around.reshape(-1, 3), time, oldest=limits).reshape(-1, 6)
     unseen = unseen[sides.sum(axis=1) >= 5]
     out_of_view = 0.0
     if len(unseen) and params.out_of_view_is_clear:
-        shown = within_possible_view(
+        visible = within_possible_view(
             CAMERA_DEPTH,
             (p_W[unseen] - X_WT.translation()) @ X_WT.rotation().matrix(),
-            hiding,
+            spheres,
             params.projector_baseline,
             border=params.image_border,
             margin=params.hidden_margin,
         )
-        shown &= _is_before_floor(p_W[unseen], X_WT, params.background)
+        visible &= _is_before_floor(p_W[unseen], X_WT, params.background)
         if movable is not None and len(movable):
             near = cKDTree(movable).query(p_W[unseen], distance_upper_bound=params.beside_movable)
-            shown |= np.isfinite(near[0])
-        out_of_view = float(np.count_nonzero(~shown)) * params.cell**3
-        unseen = unseen[shown]
+            visible |= np.isfinite(near[0])
+        out_of_view = float(np.count_nonzero(~visible)) * params.cell**3
+        unseen = unseen[visible]
     regions = [unseen[cells] for cells in _large_regions(p_W[unseen], params.cell, least_cells)]
     return UnseenSpace(
         tuple(p_W[cells] for cells in regions),
@@ -236,19 +236,19 @@ def _unseen_places(
 
 
 def _is_before_floor(p_W: Vector, X_WT: RigidTransform, farthest: float) -> Mask:
-    """Which places (N, 3) the depth camera sees against the floor, z = 0, within a distance [m]."""
+    """Tells which places (N, 3) the depth camera sees against the floor, z = 0, in a range [m]."""
     p_WC = X_WT @ camera_pose(CAMERA_DEPTH, (0.0, 0.0)).translation()
-    off = p_W - p_WC
+    rays = p_W - p_WC
     # The ray through a place meets the floor at this multiple of the place's distance.
-    stretch = p_WC[2] / np.maximum(-off[:, 2], 1e-9)
-    return np.asarray(stretch * np.linalg.norm(off, axis=1) <= farthest)
+    stretch = p_WC[2] / np.maximum(-rays[:, 2], 1e-9)
+    return np.asarray(stretch * np.linalg.norm(rays, axis=1) <= farthest)
 
 
 def _large_regions(cells: Vector, size: float, least: int) -> list[npt.NDArray[np.intp]]:
-    """The indices of the connected regions of cells (N, 3) [m] that matter, the largest first."""
+    """Returns the indices of each connected region of cells (N, 3) [m], the largest first."""
     if len(cells) < least:
         return []
-    # Neighbours share a face, an edge or a corner; a point lies anywhere in its cell.
+    # Neighbours share a face, an edge or a corner; points may lie anywhere in their cells.
     pairs = cKDTree(cells).query_pairs(2.0 * size, output_type="ndarray")
     shape = (len(cells), len(cells))
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)
@@ -261,7 +261,7 @@ def _large_regions(cells: Vector, size: float, least: int) -> list[npt.NDArray[n
 def unseen_sentence(
     region: Vector, X_WT: RigidTransform, params: UnseenSpaceParams, mover: str = "the arm"
 ) -> str:
-    """Says where an unseen region (K, 3) of W is, how large, and who would pass it."""
+    """Returns a sentence with place and size of an unseen region (K, 3) in W, and its mover."""
     p_T = X_WT.inverse() @ region.mean(axis=0)
     litres = 1000.0 * len(region) * params.cell**3
     return (

@@ -1,6 +1,6 @@
-"""Tasks in sequence: after the reach, what the arm does next, from where the base stands.
+"""Sequence of arm tasks after the reach, from the same base pose.
 
-Where a task opens or closes the hand, the hand is half open before: so it is while the arm moves.
+If any task opens or closes the hand, the hand is half open until then, as while the arm moves.
 """
 
 import math
@@ -19,12 +19,12 @@ class SequenceTask:
     """One task after the reach.
 
     Attributes:
-        name: For reports.
-        primitive: What is performed, with orientation and posture; None stays where the hand is.
-        wait: How long it stays [s].
-        offset: (3,) where the hand goes, from its pre-grasp pose, in the goal object's frame [m].
-        hand: Opening that the hand goes to meanwhile, from 0, closed, to 1, open; None leaves it.
-        returns: It goes to where the hand was in the torso frame before the reach.
+        name: Name for reports.
+        primitive: Primitive with orientation and posture; None to hold the hand's pose.
+        wait: Holding time [s].
+        offset: (3,) the hand's goal relative to its pre-grasp pose, in the goal object's frame [m].
+        hand: Opening of the hand, from 0, closed, to 1, open; None for no change.
+        returns: Whether the goal is the hand's pose in the torso frame before the reach.
     """
 
     name: str
@@ -42,7 +42,7 @@ class SequenceState:
     Attributes:
         task: Number of the task.
         since: When it began [s].
-        command: What the supervisor is told.
+        command: Command to the supervisor.
         X_TH_start: The hand's pose in T before the reach; None before it was measured.
         goals: For each task begun so far, the hand's goal in the goal object's frame X_OG.
         finished: Whether the last task is over.
@@ -56,16 +56,16 @@ class SequenceState:
     finished: bool = False
 
     def __deepcopy__(self, memo: dict) -> "SequenceState":
-        """Returns itself: Drake copies the state at each event, and this never changes."""
+        """Returns itself: Drake copies the state at each event, and it is immutable."""
         return self
 
 
 def hand_opening(state: SequenceState, tasks: Sequence[SequenceTask]) -> float:
-    """Returns the opening of the hand that is wanted in a state; NaN to leave it as it is.
+    """Returns the desired opening of the hand; NaN for no change.
 
     Args:
         state: Progress in the sequence.
-        tasks: Those after the reach.
+        tasks: Tasks after the reach.
     """
     opening = math.nan if all(task.hand is None for task in tasks) else RELAXED
     for task in tasks[: state.task]:
@@ -74,10 +74,10 @@ def hand_opening(state: SequenceState, tasks: Sequence[SequenceTask]) -> float:
 
 
 def hand_time(task: SequenceTask, tasks: Sequence[SequenceTask]) -> float:
-    """Returns the time [s] that a hand needs for the opening of one of the tasks.
+    """Returns the time [s] that the hand needs for the opening of a task.
 
-    It is that of the whole way there is between two openings of the sequence, or from the relaxed
-    hand: a hand that closes on a thing stops on its way, and nothing tells when.
+    It covers the full travel from the previous opening of the sequence, or from the relaxed hand: a
+    hand that closes on an object stops earlier, but this is not measured.
     """
     if task.hand is None:
         return 0.0
@@ -96,16 +96,16 @@ def advance(
 ) -> SequenceState:
     """Returns the state after an observation.
 
-    A wait is spent at the last goal, which the hand goes on to follow. Between two movements the
-    supervisor is idle for one step, so that it takes the next one for another.
+    During a wait the hand keeps following the last goal. Between two movements the supervisor is
+    idle for one step, so that it takes the next as a new one.
 
     Args:
-        state: Before.
-        tasks: Those after the reach.
+        state: State before.
+        tasks: Tasks after the reach.
         pre_grasp: X_OG of the reach.
-        time: Now [s].
-        mode: The supervisor's.
-        X_OT: The torso's pose in the goal object's frame.
+        time: Present time [s].
+        mode: Mode of the supervisor.
+        X_OT: Pose of the torso in the goal object's frame.
     """
     if state.finished or mode == ReachMode.FAILED:
         return state

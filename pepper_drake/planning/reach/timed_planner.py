@@ -1,4 +1,4 @@
-"""Measures how long a planner computes, for reports; nothing that is planned depends on it."""
+"""Measures a planner's computing time for reports; no plan depends on it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,9 +15,9 @@ class PlanningTime(NamedTuple):
     """Computing time of one call.
 
     Attributes:
-        name: Of the planner's method.
-        time: Of the observation, in simulation [s].
-        seconds: Of a processor of this computer, whatever else it does [s].
+        name: Name of the planner's method.
+        time: Simulation time of the observation [s].
+        seconds: Processor time of the calling thread [s].
     """
 
     name: str
@@ -27,7 +27,7 @@ class PlanningTime(NamedTuple):
 
 @dataclass(frozen=True)
 class TimedPlanner(PlannerWrapper):
-    """A `Planner` that hands all questions on and keeps what the answers took of a processor.
+    """Forwards all requests to a `Planner` and logs their computing time.
 
     Attributes:
         log: Computing times in the order of the calls, of all simulations that use this planner.
@@ -36,7 +36,7 @@ class TimedPlanner(PlannerWrapper):
     log: list[PlanningTime] = field(default_factory=list)
 
     def seconds(self, first: float, last: float) -> float:
-        """Returns the computing time for observations from one time to another [s]."""
+        """Returns the computing time for observations between two times [s]."""
         return sum(one.seconds for one in self.log if first <= one.time <= last)
 
     def _answer(self, name: str, observation: Observation, ask: Callable[[Observation], T]) -> T:

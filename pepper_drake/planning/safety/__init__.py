@@ -1,1 +1,1 @@
-"""Joint commands that the robot may be given: limits, checks, contacts, stops."""
+"""Safety of joint commands: limits, checks, contact detection, stops."""

@@ -1,4 +1,4 @@
-"""Is a joint command one that the robot may be given?"""
+"""Checks joint commands before they are sent to the robot."""
 
 from enum import IntEnum
 
@@ -11,7 +11,7 @@ Vector = npt.NDArray[np.float64]
 
 
 class StopReason(IntEnum):
-    """Why the robot was told to hold still."""
+    """Reasons for which the robot is stopped."""
 
     NONE = 0
     COMMAND_NOT_FINITE = 1
@@ -45,7 +45,7 @@ STOP_SENTENCES: dict[StopReason, str] = {
 
 
 def stop_sentence(reason: StopReason, joint: str = "") -> str:
-    """Says in a sentence why the robot stopped, with the joint's name where it is known."""
+    """Returns a sentence about why the robot stopped, with the joint's name if it is known."""
     if joint and reason == StopReason.JOINT_HELD:
         return (
             f"{joint} did not follow its command: it is stuck, something holds it, or it is "
@@ -68,19 +68,19 @@ def check_command(
 
     Args:
         command: Joint positions (n,) [rad].
-        previous: The command of the tick before (n,) [rad].
-        limits: Of the same joints.
+        previous: The command of the previous tick (n,) [rad].
+        limits: Limits of the same joints.
         time_step: Time between the two [s].
-        tolerance: Rounding allowed to positions [rad].
+        tolerance: Tolerance of positions [rad].
 
     Returns:
         `StopReason.NONE` when the command is finite, inside the position limits and no farther
-        from the previous one than the velocity limits allow; else the first of these that fails.
+        from the previous one than the velocity limits allow; else that of the first failed check.
     """
     inside = (command >= limits.position_lower - tolerance) & (
         command <= limits.position_upper + tolerance
     )
-    if not inside.all():  # What is not finite is not inside either.
+    if not inside.all():  # Also where a command is not finite.
         finite = np.isfinite(command).all()
         return StopReason.COMMAND_OUTSIDE_LIMITS if finite else StopReason.COMMAND_NOT_FINITE
     if (np.abs(command - previous) > limits.velocity * time_step + tolerance).any():

@@ -1,9 +1,9 @@
-"""The one limiter of joint commands: position, coupled position, speed and acceleration.
+"""The only limiter of joint commands: position, coupled position, speed and acceleration.
 
-A command is limited so that braking stays possible: after every step the joints can come to a
-stand within their acceleration limits before any position limit (viability, as in Del Prete 2018,
-doi 10.1109/LRA.2017.2738321, here exact in discrete time). Thus there is always a next step that
-keeps every limit, whatever is asked for, a stop included.
+Commands are limited to viable states: after every step the joints can brake, within their
+acceleration limits, before any position limit (as in Del Prete 2018,
+doi 10.1109/LRA.2017.2738321, here exact in discrete time). So there is always a next step that
+keeps every limit, whatever the desired motion, stops included.
 """
 
 import numpy as np
@@ -25,23 +25,23 @@ def limit_joint_command(
 ) -> tuple[Vector, Vector]:
     """Moves joint commands by one step, inside every limit.
 
-    The velocity is the one nearest to the desired that keeps the velocity limits, the acceleration
-    limits about the present velocity, and from which the joints can brake before their position
-    limits. Where a joint's range depends on another's position (ElbowRoll's on ElbowYaw,
-    HeadPitch's on HeadYaw), the dependent joint gives way first, then the leading joint slows down.
+    The new velocity is the one nearest to the desired velocity that keeps the velocity limits and
+    the acceleration limits, and from which the joints can brake before their position limits. Where
+    a joint's range depends on another's position (ElbowRoll's on ElbowYaw, HeadPitch's on HeadYaw),
+    the dependent joint gives way first, then the leading joint slows down.
 
     Args:
         position: Present command (n,) [rad].
         velocity: Present velocity of the command (n,) [rad/s].
-        desired_velocity: Velocity asked for (n,) [rad/s]; what is not a number means zero.
-        limits: Of the n joints.
+        desired_velocity: Desired velocity (n,) [rad/s]; NaN means zero.
+        limits: Limits of the n joints.
         time_step: Time until the next command [s].
 
     Returns:
-        The next command (n,) [rad] and its velocity (n,) [rad/s]. From a command within the limits
-        all of them are kept; from outside it moves back in, at limited acceleration.
+        The next command (n,) [rad] and its velocity (n,) [rad/s]. It keeps all limits if the
+        present command does; otherwise it moves back inside, at limited acceleration.
     """
-    # Copies: compiled anew it would be for arrays that may not be written or have gaps.
+    # Copies: read-only or non-contiguous arrays would trigger another compilation.
     following: tuple[Vector, Vector] = limited_step(
         np.array(position, float),
         np.array(velocity, float),
@@ -61,18 +61,18 @@ def track_joint_command(
     limits: CommandLimits,
     time_step: float,
 ) -> tuple[Vector, Vector]:
-    """Moves joint commands by one step after position commands, inside every limit.
+    """Moves joint commands by one step towards desired positions, inside every limit.
 
-    Wishes that keep the limits come out as they are. After any other the command catches up: its
-    velocity is the wishes' own and, on top of it, the largest from which it can still brake to
-    meet them. A jump of the wishes counts as a new place at rest.
+    Desired positions that keep the limits are output unchanged. Otherwise the command catches up:
+    its velocity is that of the desired positions plus the largest from which it can still brake to
+    meet them. A jump of the desired positions counts as a new target at rest.
 
     Args:
         position: Present command (n,) [rad].
         velocity: Present velocity of the command (n,) [rad/s].
-        wish: Position wished for next (n,) [rad]; what is not finite means: brake.
-        previous_wish: The wish before it (n,) [rad].
-        limits: Of the n joints.
+        wish: Next desired position (n,) [rad]; where it is not finite the joint brakes.
+        previous_wish: The desired position before it (n,) [rad].
+        limits: Limits of the n joints.
         time_step: Time between commands [s].
 
     Returns:
@@ -89,9 +89,9 @@ def track_joint_command(
 
 
 def clamp_to_position_limits(position: Vector, limits: CommandLimits) -> Vector:
-    """The joint positions (n,) nearest to given ones within all position limits [rad].
+    """Returns the joint positions (n,) nearest to given ones within all position limits [rad].
 
-    A dependent joint is moved into the range that its leading joint leaves it.
+    A dependent joint is clamped to its range at the leading joint's position.
     """
     clamped = np.clip(position, limits.position_lower, limits.position_upper)
     for coupled in limits.coupled:

@@ -1,4 +1,4 @@
-"""Contact by command against measurement: which joint does not go where it is sent."""
+"""Contact detection by comparing measured joints with their commands."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,27 +16,27 @@ class ContactParams:
     """Deviation from its command, and its duration, above which a joint counts as held.
 
     The defaults are a third above the largest error of free motion in reaches (16 mrad at
-    1.4 rad/s, while other joints accelerate: motors give way to inertia). A joint that is held at
-    0.5 rad/s is noticed 80 ms later, one at 0.3 rad/s 110 ms.
+    1.4 rad/s, while other joints accelerate: motors yield to inertia). A joint that is blocked at
+    0.5 rad/s is detected after 80 ms, at 0.3 rad/s after 110 ms.
     """
 
     angle: float = 0.018
-    """Angle off the command that a joint at rest may have [rad]."""
+    """Largest deviation of a joint at rest from its command [rad]."""
     angle_per_speed: float = 0.004
     """Additional deviation for each rad/s of the command [s]."""
     steps: int = 2
-    """For how many control periods in a row it has to be farther off."""
+    """Number of successive control periods with a larger deviation that count as contact."""
     give_way_steps: int = 10
-    """Control periods after which the command of a stopped robot gives way to a joint off it."""
+    """Control periods after which the command of a stopped robot yields to a deviating joint."""
     latency: float = 0.0
-    """Time that commands may take to the joints, beside the control period [s]."""
+    """Largest delay of commands, in addition to the control period [s]."""
     back_off: float = 0.3
-    """Time [s] before the contact to whose position the joints go back."""
+    """Time before the contact to whose measured position the joints back off [s]."""
     back_off_speed: float = 0.5
-    """Largest joint speed on the way back [rad/s]."""
+    """Largest joint speed while backing off [rad/s]."""
 
     def on_worn_robot(self, wear: RobotWear | None) -> "ContactParams":
-        """Returns the same for a robot whose commands are late and whose joints have slack."""
+        """Returns the parameters for a robot with command latency and backlash."""
         if wear is None:
             return self
         return replace(
@@ -47,10 +47,10 @@ class ContactParams:
 
 
 def following_error(commands: Sequence[Vector], measured: Vector) -> Vector:
-    """Distance of the measured joints to their recent commands.
+    """Returns the distance of the measured joints to their recent commands.
 
     Args:
-        commands: Commands (n,) of the time that a command may take to arrive [rad], at least one.
+        commands: Commands (n,) within the latency [rad], at least one.
         measured: Joint positions (n,) [rad].
 
     Returns:
@@ -62,11 +62,11 @@ def following_error(commands: Sequence[Vector], measured: Vector) -> Vector:
 
 
 def excess_error(error: Vector, velocity: Vector, params: ContactParams) -> Vector:
-    """Following error as a share of what is allowed (n,): above 1 a joint is held.
+    """Returns the following error relative to the allowed one (n,): above 1 a joint is held.
 
     Args:
         error: Following errors (n,) [rad].
         velocity: Velocities of the command (n,) [rad/s].
-        params: What is allowed.
+        params: Allowed errors.
     """
     return np.asarray(np.abs(error) / (params.angle + params.angle_per_speed * np.abs(velocity)))

@@ -1,8 +1,8 @@
-"""Joint commands that the robot may be given, and what happens at a stop.
+"""Safe joint commands, and the reaction to a stop.
 
-A stop is a course of its own: the joints brake within their acceleration limits; after a contact
-they go back to where they came from; whatever presses afterwards makes the command give way to the
-measured position. All of it passes the one limiter (`planning.safety.command_limits`).
+In a stop the joints brake within their acceleration limits; after a contact they back off along
+their motion; when something still presses on them, the command yields to the measured position. All
+commands pass the limiter in `planning.safety.command_limits`.
 """
 
 from dataclasses import dataclass, field, replace
@@ -22,7 +22,7 @@ from pepper_drake.planning.safety.contact_detection import (
 Vector = npt.NDArray[np.float64]
 
 _SAME = 1e-12
-"""A command that is so near to what was wished for is that wish, to the last bit [rad]."""
+"""A command this close to the desired position is set to it exactly [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,15 +32,15 @@ class SafeCommand:
     Attributes:
         position: The command (n,) [rad].
         velocity: Its velocity (n,) [rad/s].
-        wish: What was wished for last (n,) [rad]; None before the first wish.
-        known: Whether the position is more than a guess.
-        reason: Why the robot stops, if it does; a stop lasts.
-        joint: Index of the joint that the reason is about, -1 for none.
-        target: Where a stopped robot goes (n,) [rad]; None to brake and stay.
-        sent: The last commands, oldest first, as many as may be on their way.
-        measured: The last measured positions, oldest first, for the way back.
-        held: For how many control periods each joint has been off its command (n,); negative while
-            it is being caught.
+        wish: Last desired position (n,) [rad]; None before the first one.
+        known: Whether the position was measured rather than assumed.
+        reason: Reason of a stop; a stop is permanent.
+        joint: Index of the joint that caused it, -1 for none.
+        target: Target of a stopped robot (n,) [rad]; None to brake and stay.
+        sent: The last commands within the latency, oldest first.
+        measured: The last measured positions, oldest first, for backing off.
+        held: Number of control periods for which each joint has deviated from its command (n,);
+            negative during the grace period after the start.
     """
 
     position: Vector
@@ -56,27 +56,27 @@ class SafeCommand:
 
     @classmethod
     def at_rest(cls, position: Vector, catching: int = 0) -> "SafeCommand":
-        """A robot that is commanded to stand at measured positions.
+        """Returns the command to stand at measured positions.
 
         Args:
             position: (n,) [rad].
-            catching: Control periods in which joints that still move may be caught.
+            catching: Grace period for joints that still move, in control periods.
         """
         held = np.full(len(position), -catching, dtype=np.intp)
         return cls(position, np.zeros(len(position)), held=held)
 
     def stopped(self, reason: StopReason, joint: int = -1) -> "SafeCommand":
-        """The same robot, stopped for a reason; the first reason stays."""
+        """Returns the state stopped for a reason; an earlier reason is kept."""
         if self.reason != StopReason.NONE:
             return self
         return replace(self, reason=reason, joint=joint)
 
     def advanced(self, wish: Vector, limits: CommandLimits, time_step: float) -> "SafeCommand":
-        """The commands one control period later, inside every limit.
+        """Returns the commands one control period later, inside every limit.
 
         Args:
-            wish: Positions wished for (n,) [rad]; a stopped robot does not listen.
-            limits: Of the joints.
+            wish: Desired positions (n,) [rad]; ignored after a stop.
+            limits: Limits of the joints.
             time_step: The control period [s].
         """
         if self.reason == StopReason.NONE:
@@ -93,31 +93,31 @@ class SafeCommand:
     def compared(
         self, measured: Vector | None, params: ContactParams, time_step: float
     ) -> "SafeCommand":
-        """The state after a measurement: a joint that is held stops the robot and sends it back.
+        """Returns the state after a measurement: a held joint stops the robot, which backs off.
 
         Args:
             measured: Joint positions at the end of the last command's period (n,) [rad]; None if
-                not all were measured: then no joint is known to be off its command.
-            params: What counts as held.
+                not all were measured: then the deviations count as unknown.
+            params: Criteria of a held joint.
             time_step: The control period [s].
         """
-        on_their_way, memory = _kept(params, time_step)
-        sent = (*self.sent, self.position)[-on_their_way:]
+        num_sent, num_measured = _history_lengths(params, time_step)
+        sent = (*self.sent, self.position)[-num_sent:]
         if measured is None:
             return replace(self, sent=sent, held=np.zeros_like(self.held))
         error = following_error(sent, measured)
         excess = excess_error(error, self.velocity, params)
         held = np.where((excess > 1.0) | (self.held < 0), self.held + 1, 0)
-        known = (*self.measured, measured)[-memory:]
-        state = replace(self, sent=sent, measured=known, held=held)
+        history = (*self.measured, measured)[-num_measured:]
+        state = replace(self, sent=sent, measured=history, held=held)
         if self.reason == StopReason.NONE:
             if np.any(held >= params.steps):
                 joint = int(np.argmax(np.where(held >= params.steps, excess, 0.0)))
                 stopped = state.stopped(StopReason.JOINT_HELD, joint)
-                return replace(stopped, target=known[0], held=np.zeros_like(held))
+                return replace(stopped, target=history[0], held=np.zeros_like(held))
             return state
         if np.any(held >= params.give_way_steps) and not self.velocity.any():
-            # What still presses is not pressed against.
+            # Yield to what still presses on the joint.
             return replace(state, target=measured, held=np.zeros_like(held))
         return state
 
@@ -126,13 +126,13 @@ class SafeCommand:
 class SafeCommandLayout:
     """A `SafeCommand` as one vector of numbers, for discrete state.
 
-    Discrete state changes at a tick together with that of the systems around. Abstract state
-    changes before it, so that within a tick the command would be advanced twice.
+    Discrete state is updated at a tick together with that of the surrounding systems. Abstract
+    state is updated before it, so that the command would advance twice within a tick.
 
     Attributes:
         joints: Number of joints n.
-        sent: Most commands that are kept.
-        measured: Most measurements that are kept.
+        sent: Largest number of stored commands.
+        measured: Largest number of stored measurements.
     """
 
     joints: int
@@ -141,13 +141,13 @@ class SafeCommandLayout:
 
     @classmethod
     def of(cls, joints: int, params: ContactParams | None, time_step: float) -> "SafeCommandLayout":
-        """The layout for what `SafeCommand.compared` keeps; see there."""
+        """Returns the layout with the history that `SafeCommand.compared` needs."""
         if params is None:
             return cls(joints)
-        return cls(joints, *_kept(params, time_step))
+        return cls(joints, *_history_lengths(params, time_step))
 
     def to_vector(self, command: SafeCommand) -> Vector:
-        """Returns flags and counts (6), then rows of n: see `from_vector`."""
+        """Returns a vector of 6 flags and counts, then rows of n; see `from_vector`."""
         unknown = np.full(self.joints, np.nan)
         numbers = [
             float(command.known),
@@ -171,7 +171,7 @@ class SafeCommandLayout:
         return np.concatenate((numbers, *rows))
 
     def from_vector(self, vector: Vector) -> SafeCommand:
-        """Returns what `to_vector` was given."""
+        """Returns the command of a vector from `to_vector`."""
         known, reason, joint, given, sent, measured = map(int, vector[:6])
         rows = vector[6:].reshape(-1, self.joints).copy()
         position, velocity, wish, target, held = rows[:5]
@@ -190,11 +190,11 @@ class SafeCommandLayout:
         )
 
 
-def _kept(params: ContactParams, time_step: float) -> tuple[int, int]:
-    """Numbers of commands and of measurements that a comparison needs."""
+def _history_lengths(params: ContactParams, time_step: float) -> tuple[int, int]:
+    """Returns the numbers of commands and of measurements that a comparison needs."""
     return 1 + round(params.latency / time_step), 1 + round(params.back_off / time_step)
 
 
 def slowed(limits: CommandLimits, speed: float) -> CommandLimits:
-    """The same limits with no joint faster than a speed [rad/s]."""
+    """Returns the limits with velocities capped at a speed [rad/s]."""
     return replace(limits, velocity=np.minimum(limits.velocity, speed))

@@ -1,4 +1,4 @@
-"""Paths of an arm's joints from one posture to another, as functions of relative time."""
+"""Joint paths from one posture to another, as functions of relative time."""
 
 from functools import lru_cache
 
@@ -12,16 +12,16 @@ _DEGREE = 4
 
 
 def minimum_jerk(relative_times: Vector) -> Vector:
-    """The share (N,) of the distance at relative times (N,) from 0 to 1: 10 s³ - 15 s⁴ + 6 s⁵."""
+    """Returns the fraction (N,) travelled at relative times s (N,): 10 s³ - 15 s⁴ + 6 s⁵."""
     s = np.clip(relative_times, 0.0, 1.0)
     return s**3 * (10.0 + s * (6.0 * s - 15.0))
 
 
 def retarget(paths: Vector, start: Vector, goals: Vector) -> Vector:
-    """Paths with another start and other goals.
+    """Returns paths with another start and other goals.
 
-    The demonstrated path q_d becomes q_d + (1 - m) (q_0 - q_d(0)) + m (q_g - q_d(1)), m of
-    `minimum_jerk`: both ends are met, at the rest at which the demonstration was there.
+    The demonstrated path q_d becomes q_d + (1 - m) (q_0 - q_d(0)) + m (q_g - q_d(1)), m from
+    `minimum_jerk`: both ends are met, at rest if the demonstration was at rest there.
 
     Args:
         paths: (..., N, 5) at even relative times [rad].
@@ -38,7 +38,7 @@ def retarget(paths: Vector, start: Vector, goals: Vector) -> Vector:
 
 
 def resampled(paths: Vector, samples: int) -> Vector:
-    """Paths (..., N, 5) at another number of even times, (..., samples, 5)."""
+    """Resamples paths (..., N, 5) at even times to (..., samples, 5)."""
     place = np.linspace(0.0, paths.shape[-2] - 1, samples)
     before = np.minimum(place.astype(int), paths.shape[-2] - 2)
     share = (place - before)[:, None]
@@ -47,10 +47,10 @@ def resampled(paths: Vector, samples: int) -> Vector:
 
 @lru_cache(maxsize=8)
 def perturbation_basis(count: int, samples: int) -> Vector:
-    """Smooth bumps (samples, count) at even relative times, of peak 1.
+    """Returns smooth perturbations (samples, count) at even relative times, of peak 1.
 
-    They are B-splines of fourth degree; those that move the ends or the velocity or acceleration
-    there are left out, so that a path to which they are added keeps its start and goal.
+    They are B-splines of fourth degree without those that change position, velocity or acceleration
+    at the ends, so that a perturbed path keeps its start and goal.
     """
     inner = count + 6 - _DEGREE
     knots = np.concatenate((np.zeros(_DEGREE), np.linspace(0, 1, inner + 1), np.ones(_DEGREE)))
@@ -62,34 +62,34 @@ def perturbation_basis(count: int, samples: int) -> Vector:
 
 
 def minimum_duration(paths: Vector, velocity: Vector, acceleration: Vector) -> Vector:
-    """The shortest durations (...) [s] in which paths keep limits, timed as they are.
+    """Returns the shortest durations (...) [s] to which paths can be scaled within limits.
 
     Args:
         paths: (..., N, 5) at even relative times [rad].
-        velocity: (5,) rad/s.
-        acceleration: (5,) rad/s².
+        velocity: Limits (5,) [rad/s].
+        acceleration: Limits (5,) [rad/s²].
     """
     count = paths.shape[-2] - 1
     rates = np.diff(paths, axis=-2)
     speed = (np.abs(rates) / velocity).max(axis=(-2, -1)) * count
-    bend = (np.abs(np.diff(rates, axis=-2)) / acceleration).max(axis=(-2, -1)) * count**2
-    return np.maximum(speed, np.sqrt(bend))
+    change = (np.abs(np.diff(rates, axis=-2)) / acceleration).max(axis=(-2, -1)) * count**2
+    return np.maximum(speed, np.sqrt(change))
 
 
 def time_parameterize(waypoints: Vector, samples: int) -> Vector:
-    """A path (samples, 5) through waypoints (K, 5), K >= 2, at rest at both ends.
+    """Returns a path (samples, 5) through waypoints (K, 5), K >= 2, at rest at both ends.
 
-    The arm follows the straight lines between them by minimum jerk of the path length; the corners
-    are then rounded by a running mean over a tenth of the time.
+    It follows the straight segments with a minimum-jerk profile of the path length; a moving
+    average over a tenth of the time then rounds the corners.
     """
-    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))))
-    share = minimum_jerk(np.linspace(0.0, 1.0, samples)) * way[-1]
-    path = np.stack([np.interp(share, way, column) for column in waypoints.T], axis=1)
+    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))))
+    travelled = minimum_jerk(np.linspace(0.0, 1.0, samples)) * arc[-1]
+    path = np.stack([np.interp(travelled, arc, column) for column in waypoints.T], axis=1)
     return smoothed(path)
 
 
 def smoothed(path: Vector) -> Vector:
-    """A path (N, 5) with its corners rounded by a running mean over a tenth of it, same ends."""
+    """Rounds the corners of a path (N, 5) by a moving average over a tenth of it, same ends."""
     half = max(len(path) // 20, 1)
     padded = np.concatenate((np.repeat(path[:1], half, 0), path, np.repeat(path[-1:], half, 0)))
     sums = np.cumsum(np.concatenate((np.zeros((1, 5)), padded)), axis=0)
@@ -98,10 +98,10 @@ def smoothed(path: Vector) -> Vector:
 
 
 class Retrace:
-    """Joint angles over time from a posture back along a demonstration to its first posture.
+    """Joint trajectory from a posture back along a demonstration to its first posture.
 
-    From where the arm is it goes straight to the nearest posture of the demonstration, then along
-    some of its postures backwards (not along all: a limp elbow swings), by `minimum_jerk`.
+    The arm moves straight to the nearest posture of the demonstration, then backwards through some
+    of its postures (not all: a limp elbow swings), with a `minimum_jerk` profile.
 
     Attributes:
         duration: [s].
@@ -113,10 +113,10 @@ class Retrace:
         """Makes the path.
 
         Args:
-            joints: (5,) where the arm is [rad].
-            demonstrated: (N, 5) the demonstration's joints [rad].
-            speed: Of the joint that moves farthest, on average [rad/s].
-            stride: How many of the demonstration's samples apart the postures are.
+            joints: Present joints (5,) [rad].
+            demonstrated: The demonstration's joints (N, 5) [rad].
+            speed: Mean speed of the joint that moves farthest [rad/s].
+            stride: Number of the demonstration's samples between the postures.
         """
         nearest = int(np.argmin(np.abs(demonstrated - joints).max(axis=1)))
         self._postures = np.concatenate(
@@ -129,5 +129,5 @@ class Retrace:
     def at(self, time: float) -> Vector:
         """Returns the joints (5,) [rad] at a time [s]; the ends before and after it."""
         share = minimum_jerk(np.array([time / self.duration]))[0]
-        gone = self._lengths[-1] * share
-        return np.array([np.interp(gone, self._lengths, column) for column in self._postures.T])
+        arc = self._lengths[-1] * share
+        return np.array([np.interp(arc, self._lengths, column) for column in self._postures.T])

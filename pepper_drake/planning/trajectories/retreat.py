@@ -19,18 +19,18 @@ _STRONGEST_BRAKING = 3.94
 
 @dataclass
 class RetreatParams:
-    """Retreat along the travelled path."""
+    """Parameters of the retreat along the travelled path."""
 
     sample_time: float = 0.02
     """Time between the configurations of a retreat [s]."""
     durations: list[float] = field(default_factory=lambda: [0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0])
-    """Durations of a retreat [s]: the first in which the joints keep their limits is taken."""
+    """Candidate durations [s]: the first in which the joints keep their limits is used."""
     braking_share: float = 0.75
-    """Share of the acceleration that braking may take; the rest is for the retreat."""
+    """Fraction of the acceleration limit for braking; the rest is for the retreat."""
     stride: int = 3
-    """Stride through the travelled path where its clearance is computed."""
+    """Stride of the samples of the travelled path whose clearance is computed."""
     lost: float = 0.01
-    """Clearance that the arm may lose on its way back [m]."""
+    """Clearance that the arm may lose during the retreat [m]."""
 
     def check(self) -> None:
         """Raises InputError for times or strides that are not positive, or no durations."""
@@ -49,32 +49,32 @@ class RetreatParams:
 
 @dataclass
 class NewObstacleParams:
-    """Obstacles that were not there when the movement was planned, and their unseen sides."""
+    """Detection of obstacles that appeared after planning, and the extent of their unseen sides."""
 
     near: float = 0.6
     """Distance from the goal beyond which points are out of the arm's reach [m]."""
     distance: float = 0.03
-    """A point this far from all that was seen when the movement was planned is new [m]."""
+    """Distance from all points seen at planning time beyond which a point is new [m]."""
     fewest: int = 10
-    """Fewer new points are at the edges of what was known."""
+    """Least number of new points; fewer are noise at the edges of known obstacles."""
     depth: float = 0.10
-    """Depth to which new points are extruded [m]: of what hangs in the air, such as an arm, a
-    camera from above sees the upper side alone."""
+    """Depth to which new points are extruded downwards [m]: a camera from above sees only the upper
+    side of an object in the air, such as an arm."""
     depth_step: float = 0.02
     """Distance between the points of that extrusion [m]."""
     side: float = 0.04
     """Dilation of new points for planning around them [m]."""
     stands_within: float = 0.08
-    """Distance within which something is predicted again, after a wait, that stands there [m]:
-    where it is too near to be measured it is known as well as that."""
+    """Displacement of a predicted obstacle during a wait up to which it counts as stationary [m]:
+    the accuracy of its position where it is too close to be measured."""
     moving_side: float = 0.05
-    """The same where something moves [m]: the part nearest to the camera is not measured."""
+    """`side` if an obstacle moves [m]: its part nearest to the camera is not measured."""
     hanging_above: float = 0.05
-    """Height of free space below something that hangs in the air, and so may move [m]."""
+    """Height of free space below an object that hangs in the air, and so may move [m]."""
     hanging_gap: float = 0.03
-    """Points of such a thing have neighbours nearer than this [m]."""
+    """Largest distance between neighbouring points of such an object [m]."""
     left_within: float = 0.2
-    """Time within which a retreat that is not slowed down gains distance from new points [s]: an
+    """Time within which a retreat must gain distance from new points to keep its full speed [s]: an
     image's period."""
 
     def check(self) -> None:
@@ -86,7 +86,7 @@ class NewObstacleParams:
 
 
 DEFAULT_RETREAT, DEFAULT_NEW_OBSTACLE = RetreatParams(), NewObstacleParams()
-"""Parameters of functions that are given none."""
+"""Default parameters of the functions below."""
 
 
 def extrude_new_points_down(
@@ -95,12 +95,12 @@ def extrude_new_points_down(
     around: Vector,
     params: NewObstacleParams = DEFAULT_NEW_OBSTACLE,
 ) -> Vector:
-    """A cloud with what is new in it extended downwards.
+    """Extrudes the new points of a cloud downwards.
 
     Args:
-        cloud: (P, 3) what is seen now, m, z up.
-        known: Of what was seen when the movement was planned, (K, 3) [m].
-        around: (3,) m: only what is near this is held against it.
+        cloud: Present cloud (P, 3), z up [m].
+        known: Search tree of the points seen at planning time (K, 3) [m].
+        around: (3,) only points near this can be new [m].
         params: Depth of the extrusion.
 
     Returns:
@@ -121,16 +121,16 @@ def dilate_new_points(
     moving: bool = False,
     params: NewObstacleParams = DEFAULT_NEW_OBSTACLE,
 ) -> Vector:
-    """A cloud with what is new in it extended to all sides.
+    """Dilates the new points of a cloud horizontally.
 
     Only the side of a new obstacle towards the camera was seen, and it may move: plans keep a
-    larger distance from it than from what was known before.
+    larger distance from it than from known obstacles.
 
     Args:
-        cloud: (P, 3) what is seen now, m, z up.
-        known: Of what was seen when the movement was planned, (K, 3) [m].
-        around: (3,) m: only what is near this is held against it.
-        moving: True if something moves.
+        cloud: Present cloud (P, 3), z up [m].
+        known: Search tree of the points seen at planning time (K, 3) [m].
+        around: (3,) only points near this can be new [m].
+        moving: Whether an obstacle moves.
         params: Size of the dilation.
 
     Returns:
@@ -148,12 +148,12 @@ def new_points(
     around: Vector,
     params: NewObstacleParams = DEFAULT_NEW_OBSTACLE,
 ) -> Vector:
-    """Returns the points (N, 3) of a cloud that are near a place and were not there before.
+    """Returns the points (N, 3) of a cloud that are near a place and far from all known points.
 
     Args:
-        cloud: (P, 3) what is seen now [m].
-        known: Of what was seen before, (K, 3) [m].
-        around: (3,) only what is near this is held against it [m].
+        cloud: Present cloud (P, 3) [m].
+        known: Search tree of the points seen before (K, 3) [m].
+        around: (3,) only points near this can be new [m].
         params: Distances that make a point near and new.
     """
     near = cloud[np.sum((cloud - around) ** 2, axis=1) < params.near**2]
@@ -172,43 +172,43 @@ def retreat_trajectory(
     limits: CommandLimits,
     params: RetreatParams = DEFAULT_RETREAT,
 ) -> tuple[Vector, float]:
-    """A joint trajectory back along the travelled path.
+    """Plans a joint trajectory back along the travelled path.
 
     The arm brakes and returns along the path to the nearest configuration with enough clearance, or
-    else to the one with most.
+    else to the one with the most clearance.
 
     Args:
         travelled: (N, 5) configurations of the travelled path, the last nearest to the arm [rad].
-        position: (5,) of the arm [rad].
-        velocity: (5,) rad/s.
-        clearances: Least distances (M,) [m] to what is seen, for postures (M, 5).
+        position: Present position of the arm (5,) [rad].
+        velocity: Its velocity (5,) [rad/s].
+        clearances: Returns the clearances (M,) [m] of postures (M, 5) [rad].
         room: Clearance that is enough [m].
-        limits: Of the joints.
+        limits: Limits of the joints.
         params: Durations, braking and strides.
 
     Returns:
-        Joints (N, 5) at even times, rad, and the duration [s].
+        Joints (N, 5) at even times [rad], and the duration [s].
     """
     back = travelled[::-1]
-    around = clearances(back[:: params.stride])
+    along = clearances(back[:: params.stride])
     # An arm that is near an obstacle moves away from it, but not through it.
-    nearer = np.minimum.accumulate(around) < min(around[0], room) - params.lost
+    nearer = np.minimum.accumulate(along) < min(along[0], room) - params.lost
     if nearer.any():
-        around = around[: np.argmax(nearer)]
-    enough = np.flatnonzero(around >= room)
-    end = int(params.stride * (enough[0] if len(enough) else np.argmax(around)))
+        along = along[: np.argmax(nearer)]
+    enough = np.flatnonzero(along >= room)
+    end = int(params.stride * (enough[0] if len(enough) else np.argmax(along)))
     nodes = np.arange(end + 1)
     strongest = limits.acceleration
-    # Independent of the retreat's duration: long braking moves the arm on towards the obstacle.
+    # Does not grow with the retreat's duration: slow braking would bring the arm closer.
     braking = params.braking_share * strongest
     stopping = float(np.max(_STRONGEST_BRAKING * np.abs(velocity) / braking))
     for duration in params.durations:
         times = np.linspace(0.0, duration, round(duration / params.sample_time) + 1)
         share = minimum_jerk(times / duration)
-        way = np.stack(
+        path = np.stack(
             [np.interp(share * end, nodes, back[: end + 1, k]) for k in range(5)], axis=1
         )
-        path = way + (1.0 - share)[:, None] * (position - back[0])
+        path = path + (1.0 - share)[:, None] * (position - back[0])
         path += np.multiply.outer(_braked(times, stopping), velocity)
         step = times[1]
         rates = np.diff(path, axis=0) / step
@@ -222,9 +222,9 @@ def retreat_trajectory(
 
 
 def _braked(times: Vector, duration: float) -> Vector:
-    """Displacement (N,) [rad] of 1 rad/s that is braked and made up for within a duration [s].
+    """Returns displacements (N,) [rad] of braking from 1 rad/s and returning within a duration [s].
 
-    The quintic polynomial of slope one at the start, and all else zero.
+    A quintic polynomial of slope one at the start, all other end conditions zero.
     """
     if duration == 0.0:
         return np.zeros_like(times)

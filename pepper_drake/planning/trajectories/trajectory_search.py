@@ -1,4 +1,4 @@
-"""Bends a path of the arm's joints until it is clear: an evolution strategy on a few bumps."""
+"""Optimises a joint path until it is clear: an evolution strategy on B-spline perturbations."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass
 class PathSearchParams:
-    """Size and length of the search."""
+    """Parameters of the search."""
 
     perturbation_basis: int = 8
-    """Per joint."""
+    """Number of perturbations per joint."""
     population: int = 48
     generations: int = 20
     polish: int = 4
-    """Generations to go on for, once the path is clear."""
+    """Number of further generations once the path is clear."""
     deviation: float = 0.2
-    """Standard deviation with which it starts, in `height`s."""
+    """Initial standard deviation, in units of `height`."""
     height: float = 0.4
     """Height of a perturbation of weight 1 [rad]."""
     slack: float = -0.003
-    """With this a path counts as clear [m]."""
+    """Clearance slack above which a path counts as clear [m]."""
 
 
 class SearchResult(NamedTuple):
@@ -37,8 +37,8 @@ class SearchResult(NamedTuple):
     Attributes:
         path: (N, 5) rad.
         cost: Its cost.
-        slack: Its least clearance less the wanted one [m].
-        generations: How many it took.
+        slack: Its least clearance minus the desired one [m].
+        generations: The generation that found it.
     """
 
     path: Vector
@@ -56,20 +56,20 @@ def optimize_trajectory(
     params: PathSearchParams,
     seed: int = 0,
 ) -> SearchResult:
-    """Looks for a clear path near a reference, with its start and goal.
+    """Searches for a clear path near a reference, with the same start and goal.
 
-    The paths are q = q_ref + height N w with `perturbation_basis` N and weights w, five a bump. A
-    (mu/mu_w, lambda) evolution strategy with cumulative step-size adaptation (Hansen and Ostermeier
-    2001) minimises the cost over w, from w = 0: the reference itself, if that is clear, is returned
-    as it is.
+    The paths are q = q_ref + height N w with `perturbation_basis` N and five weights w per
+    perturbation. A (mu/mu_w, lambda) evolution strategy with cumulative step-size adaptation
+    (Hansen and Ostermeier 2001) minimises the cost over w, from w = 0: a reference that is clear is
+    returned unchanged.
 
     Args:
         reference: (N, 5) rad.
         rate: Rates paths (K, N, 5).
         lower: (5,) joint limits, kept by clipping [rad].
         upper: (5,) rad.
-        params: How long, how many.
-        seed: Of the random numbers.
+        params: Parameters of the search.
+        seed: Seed of the random numbers.
     """
     rng = np.random.default_rng(seed)
     shapes = params.height * perturbation_basis(params.perturbation_basis, len(reference))
@@ -87,7 +87,7 @@ def optimize_trajectory(
     damping = 1.0 + 2.0 * max(0.0, np.sqrt((effective - 1.0) / (size + 1.0)) - 1.0) + c_sigma
     expected = np.sqrt(size) * (1.0 - 1.0 / (4.0 * size) + 1.0 / (21.0 * size**2))
 
-    mean, way, sigma = np.zeros(size), np.zeros(size), params.deviation
+    mean, p_sigma, sigma = np.zeros(size), np.zeros(size), params.deviation
     best: SearchResult | None = None
     clear_for = 0
     for generation in range(params.generations + 1):
@@ -95,7 +95,7 @@ def optimize_trajectory(
             steps = np.zeros((1, size))
         else:
             steps = rng.standard_normal((params.population, size))
-            steps[0] = 0.0  # The mean itself: it lacks what is random about each path.
+            steps[0] = 0.0  # The mean itself, without noise.
         paths = paths_of(mean + sigma * steps)
         rating = rate(paths)
         order = np.argsort(rating.cost, kind="stable")
@@ -116,7 +116,8 @@ def optimize_trajectory(
         if generation:
             step = shares @ steps[order[:half]]
             mean = mean + sigma * step
-            way = (1.0 - c_sigma) * way + np.sqrt(c_sigma * (2.0 - c_sigma) * effective) * step
-            sigma *= float(np.exp((c_sigma / damping) * (np.linalg.norm(way) / expected - 1.0)))
+            gain = np.sqrt(c_sigma * (2.0 - c_sigma) * effective)
+            p_sigma = (1.0 - c_sigma) * p_sigma + gain * step
+            sigma *= float(np.exp((c_sigma / damping) * (np.linalg.norm(p_sigma) / expected - 1.0)))
     assert best is not None
     return best
