@@ -8,7 +8,7 @@ from pepper_drake.errors import InputError
 
 @dataclass
 class HeadSearchParams:
-    """Sweep of the head in search of an object."""
+    """Views of the head in search of an object."""
 
     low_pitch: float = 0.3
     """Pitch at which tables are searched [rad]."""
@@ -20,9 +20,10 @@ class HeadSearchParams:
     first_duration: float = 1.5
     """Dwell time there [s]."""
     sweep: float = math.radians(60)
-    """Largest yaw to either side [rad]."""
-    period: float = 6.0
-    """Period of the sweep [s]."""
+    """Largest yaw to either side [rad]: four views this far apart overlap by a third."""
+    period: float = 11.2
+    """Period of the eight views [s]: each takes 1.4 s, of which the head moves for 0.6 s. Three
+    images at 5 Hz must agree."""
 
 
 @dataclass(unsafe_hash=True)

@@ -57,6 +57,7 @@ class GazeState:
     arrived: float
     glancing: bool
     target: Vector
+    search_start: float
     seen: Vector
 
     @classmethod
@@ -64,13 +65,24 @@ class GazeState:
         """Returns the state before the first step, with the head straight."""
         nothing = np.full(2, np.nan)
         return cls(
-            np.zeros(2), np.zeros(2), -1, False, False, math.inf, False, nothing, _NEVER_SEEN
+            np.zeros(2),
+            np.zeros(2),
+            -1,
+            False,
+            False,
+            math.inf,
+            False,
+            nothing,
+            math.nan,
+            _NEVER_SEEN,
         )
 
     def to_vector(self) -> Vector:
-        """Returns the state as numbers (11 + N,)."""
+        """Returns the state as numbers (12 + N,)."""
         flags = (self.camera, self.in_view, self.reachable, self.arrived, self.glancing)
-        return np.concatenate((self.head, self.velocity, flags, self.target, self.seen))
+        return np.concatenate(
+            (self.head, self.velocity, flags, self.target, [self.search_start], self.seen)
+        )
 
     @classmethod
     def from_vector(cls, vector: Vector) -> "GazeState":
@@ -85,7 +97,8 @@ class GazeState:
             arrived,
             glancing > 0.0,
             vector[9:11].copy(),
-            vector[11:].copy(),
+            float(vector[11]),
+            vector[12:].copy(),
         )
 
 
@@ -158,7 +171,8 @@ class GazePolicy:
         secondary_camera: A camera that should see the object's surroundings; None for none.
         radius: Radius of the part of the object that has to stay in view [m].
         side: Side of the reaching arm, 1 left or -1 right.
-        search: Head angles (2,) [rad] of the search by time [s] and side; None to stay still.
+        search: Head angles (2,) [rad] of the search by the time since it began [s] and side; None
+            to stay still.
         time_step: Time between two steps [s].
         params: Timing and limits.
     """
@@ -186,15 +200,17 @@ class GazePolicy:
         gaze, p_TP = None, np.zeros(3)
         if now.X_WO is None:
             aim = state.head
+            start = now.time if math.isnan(state.search_start) else state.search_start
             if self._search is not None:
-                aim = clamp_head(self._search(now.time, self._side))
-            state = replace(state, camera=-1, target=np.full(2, np.nan))
+                aim = clamp_head(self._search(now.time - start, self._side))
+            state = replace(state, camera=-1, target=np.full(2, np.nan), search_start=start)
         else:
             p_TP = now.X_WT.InvertAndCompose(now.X_WO) @ self._p_OP
             gaze, state = self._aim(state, now, p_TP)
             aim = gaze.head
             is_missed = self._secondary is not None and now.age > params.missed_age
-            state = replace(state, camera=-1 if is_missed else self._cameras.index(gaze.camera))
+            camera = -1 if is_missed else self._cameras.index(gaze.camera)
+            state = replace(state, camera=camera, search_start=math.nan)
         head, velocity = step_head_trajectory(
             state.head,
             state.velocity,

@@ -161,16 +161,24 @@ def head_search_pattern(time: float, side: float, params: HeadSearchParams | Non
         params: Parameters of the sweep; the defaults if None.
 
     Returns:
-        Head yaw and pitch (2,) [rad]: first slightly to the arm's side, which shows the space ahead
-        and within reach, then sweeping to the other side and back, alternately at the height of
-        tables and above.
+        Head yaw and pitch (2,) [rad], constant for each of eight overlapping views, since a marker
+        is only found in several images with little motion blur: first slightly to the arm's side,
+        which shows the space ahead and within reach, then to the other side, back above, and so on.
     """
     params = params or HeadSearchParams()
-    swept = max(time - params.first_duration, 0.0) / params.period
-    begin = np.pi - np.arcsin(params.first_yaw / params.sweep)
-    yaw = params.sweep * np.sin(begin + 2 * np.pi * swept)
-    pitch = params.high_pitch if int(swept) % 2 else params.low_pitch
-    return np.array([side * yaw, pitch])
+    if time < params.first_duration:
+        return np.array([side * params.first_yaw, params.low_pitch])
+    view = int(len(_SEARCH_VIEWS) * (time - params.first_duration) / params.period)
+    yaw, is_high = _SEARCH_VIEWS[view % len(_SEARCH_VIEWS)]
+    return np.array([side * yaw * params.sweep, params.high_pitch if is_high else params.low_pitch])
+
+
+_SEARCH_VIEWS = (
+    *((-1 / 3, False), (-1.0, False)),
+    *((-1.0, True), (-1 / 3, True), (1 / 3, True), (1.0, True)),
+    *((1.0, False), (1 / 3, False)),
+)
+"""Views of the search: yaw towards the arm's side, relative to the largest; whether it is high."""
 
 
 def choose_camera(

@@ -197,7 +197,7 @@ class ReachTiming:
     drives: bool = True
     """True if the base may drive; otherwise it stays in place."""
     goal_timeout: float = 14.0
-    """Longest search for the goal [s]: the head's first look, 1.5 s, and two sweeps of 6 s."""
+    """Longest search for the goal [s]: the head's first look, 1.5 s, and eight views in 11.2 s."""
     unseen_timeout: float = 5.0
     """Longest look at unseen space that arm or drive would sweep [s]."""
     driving_timeout: float = 20.0

@@ -68,7 +68,7 @@ class GazeController(LeafSystem):
     `cloud` (PointCloud in W); while `look_at` (3, in W) [m] is finite, it glances there instead.
     See `GazePolicy`.
 
-    State: a `GazeState` as numbers (11 + N, discrete).
+    State: a `GazeState` as numbers (12 + N, discrete).
     Events: one periodic discrete update; one at initialization.
 
     Args:
@@ -79,7 +79,8 @@ class GazeController(LeafSystem):
         radius: Radius of the part of the object that has to stay in view then [m]: half its
             marker's diagonal.
         side: Side of the reaching arm, 1 left or -1 right.
-        search: Head angles (2,) [rad] of the search for the object, by time [s] and `side`.
+        search: Head angles (2,) [rad] of the search for the object, by the time since it began [s]
+            and `side`.
         time_step: Period of the update [s].
         params: Timing and limits.
     """

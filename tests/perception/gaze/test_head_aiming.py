@@ -160,12 +160,16 @@ def test_head_arrives_within_its_limits_and_stays(seed):
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_the_search_begins_at_the_arms_side_and_sweeps_to_both_without_a_jump(side):
-    times = np.arange(0, 12, 0.05)
+def test_the_search_rests_at_views_that_overlap_from_side_to_side(side):
+    times = np.arange(0, 12.7, 0.05)
     gaze = np.array([head_search_pattern(time, side) for time in times])
-    np.testing.assert_allclose(gaze[times <= 1.5], [[0.4 * side, 0.3]] * 31)
-    assert gaze[:, 0].max() > 0.9
-    assert gaze[:, 0].min() < -0.9
+    np.testing.assert_allclose(gaze[times < 1.5], [[0.4 * side, 0.3]] * 30)
     assert side * gaze[np.searchsorted(times, 3.3), 0] < -0.9  # The other side comes first.
-    # The head turns with at most 1.2 rad/s, of its rated 7.3.
-    assert np.abs(np.diff(gaze[:, 0])).max() < 1.2 * 0.05
+    # Three agreeing images at 5 Hz fit into each view, after 0.6 s in which the head turns there.
+    turns = np.flatnonzero(np.abs(np.diff(gaze, axis=0)).max(axis=1) > 0)
+    assert np.diff(times[turns]).min() >= 0.6 + 3 * 0.2
+    for pitch in (0.3, -0.1):
+        yaws = np.unique(gaze[gaze[:, 1] == pitch, 0])
+        assert yaws[[0, -1]] == pytest.approx(np.radians([-60, 60]))
+        half = np.arctan(CAMERA_TOP.intrinsics.width / 2 / CAMERA_TOP.intrinsics.focal_x)
+        assert np.diff(yaws).max() < 2 * half - np.radians(15)

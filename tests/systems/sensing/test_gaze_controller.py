@@ -108,6 +108,14 @@ def test_without_a_goal_the_head_searches_within_its_limits():
     )
 
 
+def test_each_search_begins_anew():
+    system = GazeController(search=lambda time, side: np.array([0.0 if time < 2.0 else 0.5, 0.0]))
+    bench = Bench(FAR, system, valid=[1.0]).run(3.0)
+    bench.fix("valid", [0.0])
+    assert bench.run(4.9).output("head_position_command")[0] == pytest.approx(0.0, abs=1e-6)
+    assert bench.run(7.0).output("head_position_command")[0] == pytest.approx(0.5, abs=1e-3)
+
+
 def test_outputs_are_held():
     system = GazeController()
     assert not system.HasAnyDirectFeedthrough()
