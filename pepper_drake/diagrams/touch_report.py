@@ -106,9 +106,9 @@ def arm_speed(model: ControlModel, arm: str, joint_positions: Vector, time_step:
     if len(joint_positions) < 2:
         return 0.0
     kinematics = arm_kinematics(model, arm)
-    centers = kinematics.sphere_centers(kinematics.poses(joint_positions))  # (3, S, N)
-    ways = np.diff(centers, axis=-1)
-    return float(np.linalg.norm(ways, axis=0).max() / time_step)
+    centers = kinematics.sphere_centers_at(joint_positions)
+    ways = np.diff(centers, axis=0)
+    return float(np.linalg.norm(ways, axis=-1).max() / time_step)
 
 
 def stopping_time(

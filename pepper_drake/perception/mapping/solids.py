@@ -250,20 +250,20 @@ def least_link_distances(
     """Returns the least signed distances (M,) of solids on links to points, at most `most` [m].
 
     Args:
-        rotations: (L, M, 3, 3) of each link in the frame of the points.
-        positions: (L, M, 3) [m].
+        rotations: (M, L, 3, 3) of each link in the frame of the points.
+        positions: (M, L, 3) [m].
         links: (S,) number of the link that each solid is on.
         solids: In the frames of their links.
         cells: The points.
         most: [m].
     """
     points, first, lower, counts, size = cells
-    least = np.full(rotations.shape[1], most)
+    least = np.full(len(rotations), most)
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     R, p = np.empty((3, 3)), np.empty(3)
     for m in range(len(least)):
         for s in range(len(links)):
-            R_L, p_L = rotations[links[s], m], positions[links[s], m]
+            R_L, p_L = rotations[m, links[s]], positions[m, links[s]]
             reach = solids.radii[s] + least[m]
             for i in range(3):
                 p[i] = p_L[i]
