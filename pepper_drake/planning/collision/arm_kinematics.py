@@ -54,9 +54,7 @@ class ArmPoses:
         """(M, 6, 5): the hand's angular (first) and linear velocity in T per joint velocity."""
         arm = self.hand_position[:, None] - self.origins
         (u, v, w), (x, y, z) = np.moveaxis(self.axes, 2, 0), np.moveaxis(arm, 2, 0)
-        return np.stack(
-            (u, v, w, v * z - w * y, w * x - u * z, u * y - v * x), axis=1
-        )
+        return np.stack((u, v, w, v * z - w * y, w * x - u * z, u * y - v * x), axis=1)
 
 
 class ArmKinematics:
@@ -100,6 +98,7 @@ class ArmKinematics:
             np.array([X.translation() for X in poses]),
             numbers,
             np.array([axis[number] for axis, number in zip(axes, numbers, strict=True)]),
+            np.array([not X.rotation().IsExactlyIdentity() for X in poses]),
             np.array([*link_after, len(names)]),
         )
         if any(np.count_nonzero(axis) != 1 for axis in axes):

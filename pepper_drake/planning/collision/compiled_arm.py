@@ -14,6 +14,8 @@ from pepper_drake.compiled import compiled
 Vector = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 Numbers = npt.NDArray[np.int64]
+_ROUNDING = np.float32(3 << 22)
+"""Added to a number below 2²² and taken away again, it leaves the nearest whole one."""
 UNKNOWN, ASKED_FOR, READY = range(3)
 """States of a grid's node: nothing of it is known, it will be measured next, or it was."""
 
@@ -26,6 +28,7 @@ class ArmChain(NamedTuple):
         positions: (6, 3) their origins there [m].
         axis_numbers: (5,) which coordinate axis each joint turns about.
         senses: (5,) 1 or -1.
+        turned: (6,) whether the rotation is any.
         rows: (6,) under which number the link after each joint is noted, then the hand; -1 for
             none.
     """
@@ -34,6 +37,7 @@ class ArmChain(NamedTuple):
     positions: Vector
     axis_numbers: Numbers
     senses: Vector
+    turned: npt.NDArray[np.bool_]
     rows: Numbers
 
 
@@ -75,8 +79,8 @@ class CostNumbers(NamedTuple):
     """Numbers of `TrajectoryCost`.
 
     Attributes:
-        hand: (R, N, 3) the references' hand positions [m]; of one for all paths, or of one each.
-        wanted: (R, N, S) clearance wanted of each sphere [m].
+        hand: (R, 3, N) the references' hand positions [m]; of one for all paths, or of one each.
+        wanted: (R, S, N) clearance wanted of each sphere [m].
         velocity: (5,) of the joints at most [rad/s].
         acceleration: (5,) likewise [rad/s²].
         duration: Of the paths [s].
@@ -110,8 +114,9 @@ def _pose_links(
         for i in range(3):
             a, b, c = R[i, 0], R[i, 1], R[i, 2]
             p[i] += a * x + b * y + c * z
-            for j in range(3):
-                R[i, j] = a * C[k, 0, j] + b * C[k, 1, j] + c * C[k, 2, j]
+            if chain.turned[k]:
+                for j in range(3):
+                    R[i, j] = a * C[k, 0, j] + b * C[k, 1, j] + c * C[k, 2, j]
         if k < 5:
             number, sense = chain.axis_numbers[k], chain.senses[k]
             first, second = (number + 1) % 3, (number + 2) % 3
@@ -230,126 +235,208 @@ def reach_point(
 
 
 @compiled
-def _look_up(x: float, y: float, z: float, layer: int, grid: GridArrays) -> tuple[np.float32, int]:
-    """Distance [m] at a place, and the nearest node, which has to be ready."""
-    node = 0
-    offs = (np.float32(0.0), np.float32(0.0), np.float32(0.0))
-    for axis, place in enumerate((x, y, z)):
-        scaled = np.float32(place - grid.lower[axis]) * np.float32(grid.density)
-        scaled = min(max(scaled, np.float32(0.0)), np.float32(grid.counts[axis] - 1))
-        nearest = np.rint(scaled)
-        node = node * grid.counts[axis] + int(nearest)
-        offs = (offs[1], offs[2], scaled - nearest)
-    distance = grid.table[layer, node, 0]
-    for axis, off in enumerate(offs):
-        distance += grid.table[layer, node, axis + 1] * off
-    return distance, node
-
-
-@compiled
 def looked_up(points: Vector, layers: Numbers, grid: GridArrays) -> tuple[Floats, Numbers]:
     """Distances (M, S) [m] at points (M, S, 3), valid if no nodes (K,) are missing, and these."""
-    found = np.empty(points.shape[:2], np.float32)
-    missing, count = np.empty(64, np.int64), 0
+    found, off = np.empty(points.shape[:2], np.float32), np.empty(3, np.float32)
+    missing, count = np.empty(len(grid.state), np.int64), 0
+    table, density = grid.table, np.float32(grid.density)
     for m in range(points.shape[0]):
         for s in range(points.shape[1]):
-            x, y, z = points[m, s]
-            found[m, s], node = _look_up(x, y, z, layers[s], grid)
+            node, layer = 0, layers[s]
+            for k in range(3):
+                scaled = np.float32(points[m, s, k] - grid.lower[k]) * density
+                scaled = min(max(scaled, np.float32(0.0)), np.float32(grid.counts[k] - 1))
+                nearest = (scaled + _ROUNDING) - _ROUNDING
+                off[k], node = scaled - nearest, node * grid.counts[k] + int(nearest)
+            distance = table[layer, node, 0] + table[layer, node, 1] * off[0]
+            distance += table[layer, node, 2] * off[1]
+            found[m, s] = distance + table[layer, node, 3] * off[2]
             if grid.state[node] == UNKNOWN:
-                if count == len(missing):
-                    missing = np.concatenate((missing, np.empty_like(missing)))
                 missing[count], grid.state[node] = node, ASKED_FOR
                 count += 1
     return found, missing[:count]
 
 
 @compiled
+def not_measured(nodes: Numbers, measured: npt.NDArray[np.bool_], counts: Numbers) -> Numbers:
+    """Those of nodes (K,) and of their neighbours that were not measured; they are from now on."""
+    found, count = np.empty(7 * len(nodes), np.int64), 0
+    for node in nodes:
+        stride = 1
+        for axis in range(2, -1, -1):
+            at = node // stride % counts[axis]
+            for way in range(-1 if at > 0 else 0, 2 if at < counts[axis] - 1 else 1):
+                if not measured[node + way * stride]:
+                    measured[node + way * stride] = True
+                    found[count] = node + way * stride
+                    count += 1
+            stride *= counts[axis]
+    return found[:count]
+
+
+@compiled
+def make_rows(nodes: Numbers, values: Floats, grid: GridArrays) -> None:
+    """Fills in the rows of nodes (K,) from distances (L, N): then they are ready.
+
+    Changes are central differences, per spacing; one-sided ones at the border.
+    """
+    for node in nodes:
+        stride = 1
+        for axis in range(2, -1, -1):
+            at = node // stride % grid.counts[axis]
+            low = node - stride if at > 0 else node
+            high = node + stride if at < grid.counts[axis] - 1 else node
+            share = np.float32(0.5 if high - low == 2 * stride else 1.0)
+            for layer in range(len(values)):
+                change = values[layer, high] - values[layer, low]
+                grid.table[layer, node, axis + 1] = share * change
+                grid.table[layer, node, 0] = values[layer, node]
+            stride *= grid.counts[axis]
+        grid.state[node] = READY
+
+
+@compiled
+def _pose_path(
+    cos: Vector, sin: Vector, chain: ArmChain, R: Vector, rotations: Vector, positions: Vector
+) -> None:
+    """Does what `_pose_links` does for N postures (5, N) at once: one operation, all postures.
+
+    Poses are (L, 3, 3, N) and (L, 3, N), those of the hand last; R (3, 3, N) is for the work.
+    """
+    count, hand = cos.shape[1], chain.rows[5]
+    p, first, second = positions[hand], R[0, 0], R[0, 1]
+    for i in range(3):
+        p[i] = 0.0
+        for j in range(3):
+            R[i, j] = 1.0 if i == j else 0.0
+    for k in range(6):
+        x, y, z = chain.positions[k, 0], chain.positions[k, 1], chain.positions[k, 2]
+        for i in range(3):
+            q, a, b, c = p[i], R[i, 0], R[i, 1], R[i, 2]
+            for n in range(count):
+                q[n] += a[n] * x + b[n] * y + c[n] * z
+            if chain.turned[k]:
+                C = chain.rotations[k]
+                for n in range(count):
+                    u, v, w = a[n], b[n], c[n]
+                    a[n] = u * C[0, 0] + v * C[1, 0] + w * C[2, 0]
+                    b[n] = u * C[0, 1] + v * C[1, 1] + w * C[2, 1]
+                    c[n] = u * C[0, 2] + v * C[1, 2] + w * C[2, 2]
+        if k < 5:
+            number, sense, turn, lift = chain.axis_numbers[k], chain.senses[k], cos[k], sin[k]
+            for i in range(3):
+                first, second = R[i, (number + 1) % 3], R[i, (number + 2) % 3]
+                for n in range(count):
+                    u, v, w = first[n], second[n], sense * lift[n]
+                    first[n] = u * turn[n] + v * w
+                    second[n] = v * turn[n] - u * w
+        row = chain.rows[k]
+        if row >= 0:
+            rotations[row] = R
+            if row != hand:
+                positions[row] = p
+
+
+@compiled
 def rate_paths(
     paths: Vector,
+    cos: Vector,
+    sin: Vector,
     cost: Vector,
     slack: Floats,
-    best: Vector,
     chain: ArmChain,
     spheres: Spheres,
     grid: GridArrays,
     numbers: CostNumbers,
 ) -> Numbers:
-    """Rates paths (K, N, 5) whose cost (K,) is NaN; see `TrajectoryCost`.
+    """Rates paths (K, 5, N) whose cost (K,) is NaN; see `TrajectoryCost`.
 
-    A path is left as soon as it is sure to cost more than all of `best`, the least costs so far in
-    order: its cost is infinite then. One that needs nodes of the grid that are not ready keeps the
-    NaN.
+    A path that needs nodes of the grid that are not ready keeps the NaN. Loops over the N samples
+    of a path do little each, so that the processor takes several samples at once.
+
+    Args:
+        paths: Of the joints [rad].
+        cos: (K, 5, N) their cosines.
+        sin: (K, 5, N) their sines.
+        cost: Is filled in.
+        slack: (K,) likewise [m].
+        chain: Of the arm.
+        spheres: On its links.
+        grid: Distances in T.
+        numbers: Weights, limits, and what the paths are compared with.
 
     Returns:
         The nodes (M,) that are missing.
     """
-    missing, found = np.empty(64, np.int64), 0
-    samples, rows, count = paths.shape[1], chain.rows[5] + 1, len(best)
-    weights, spans = numbers.weights, samples - 1.0
-    R, p = np.empty((3, 3)), np.empty(3)
-    rotations, positions = np.empty((rows, 3, 3)), np.empty((rows, 3))
-    axes, origins = np.empty((5, 3)), np.empty((5, 3))
-    place = np.empty(3)
-    worst = 0  # Where the last path was nearest the next one often is, too.
+    missing, found = np.empty(len(grid.state), np.int64), 0
+    samples, rows = paths.shape[2], chain.rows[5] + 1
+    weights, spans, state, table = numbers.weights, samples - 1.0, grid.state, grid.table
+    R, rotations = np.empty((3, 3, samples)), np.empty((rows, 3, 3, samples))
+    positions, place = np.empty((rows, 3, samples)), np.empty(samples, np.float32)
+    offs, node = np.empty((3, samples), np.float32), np.empty(samples, np.float32)
+    density, scale = np.float32(grid.density), np.float32(numbers.density)
     for k in range(len(paths)):
         if not math.isnan(cost[k]):
             continue
-        path, reference = paths[k], min(k, len(numbers.hand) - 1)
+        reference = min(k, len(numbers.hand) - 1)
         effort, excess = 0.0, 0.0
         for joint in range(5):
+            path, fastest, strongest = paths[k, joint], 0.0, 0.0
             for n in range(1, samples):
-                rate = path[n, joint] - path[n - 1, joint]
-                excess = max(excess, abs(rate) / numbers.velocity[joint] * spans)
+                rate = path[n] - path[n - 1]
+                fastest = max(fastest, abs(rate))
                 if n > 1:
-                    bend = rate - (path[n - 1, joint] - path[n - 2, joint])
+                    bend = rate - (path[n - 1] - path[n - 2])
                     effort += bend * bend
-                    needed = abs(bend) / numbers.acceleration[joint] * spans * spans
-                    excess = max(excess, math.sqrt(needed))
-        base = weights[3] * effort * (spans / numbers.duration) ** 4 / samples
-        base += weights[4] * max(excess / numbers.duration - 1.0, 0.0)
-        proximity, deviation, most, total = 0.0, 0.0, -np.float32(np.inf), base
-        first, is_known = worst, True
-        for step in range(samples):
-            n = (first + step) % samples
+                    strongest = max(strongest, abs(bend))
+            strongest = math.sqrt(strongest / numbers.acceleration[joint]) * spans
+            excess = max(excess, fastest / numbers.velocity[joint] * spans, strongest)
+        _pose_path(cos[k], sin[k], chain, R, rotations, positions)
+        deviation = 0.0
+        for i in range(3):
+            own, other = positions[rows - 1, i], numbers.hand[reference, i]
+            for n in range(samples):
+                deviation += (own[n] - other[n]) ** 2
+        proximity, most, is_known = 0.0, -np.float32(np.inf), True
+        for s in range(len(spheres.link)):
+            link, layer, radius = spheres.link[s], spheres.layers[s], spheres.radii[s]
+            x, y, z = spheres.centers[s, 0], spheres.centers[s, 1], spheres.centers[s, 2]
+            node[:] = 0.0
             for i in range(3):
-                p[i] = 0.0
-                for j in range(3):
-                    R[i, j] = 1.0 if i == j else 0.0
-            _pose_links(path[n], chain, R, p, rotations, positions, axes, origins)
-            for i in range(3):
-                deviation += (p[i] - numbers.hand[reference, n, i]) ** 2
-            for s in range(len(spheres.link)):
-                link = spheres.link[s]
-                a, b, c = spheres.centers[s]
-                for i in range(3):
-                    place[i] = rotations[link, i, 0] * a + rotations[link, i, 1] * b
-                    place[i] += rotations[link, i, 2] * c + positions[link, i]
-                distance, node = _look_up(place[0], place[1], place[2], spheres.layers[s], grid)
-                if grid.state[node] != READY:
-                    if grid.state[node] == UNKNOWN:
-                        if found == len(missing):
-                            missing = np.concatenate((missing, np.empty_like(missing)))
-                        missing[found], grid.state[node] = node, ASKED_FOR
+                p, off = positions[link, i], offs[i]
+                a, b, c = rotations[link, i, 0], rotations[link, i, 1], rotations[link, i, 2]
+                lower, nodes = grid.lower[i], np.float32(grid.counts[i])
+                last = nodes - np.float32(1.0)
+                for n in range(samples):
+                    place[n] = np.float32(p[n] + (a[n] * x + b[n] * y + c[n] * z) - lower)
+                for n in range(samples):
+                    scaled = place[n] * density
+                    scaled = scaled if scaled > np.float32(0.0) else np.float32(0.0)
+                    scaled = scaled if scaled < last else last
+                    nearest = (scaled + _ROUNDING) - _ROUNDING
+                    off[n] = scaled - nearest
+                    node[n] = node[n] * nodes + nearest
+            wanted, u, v, w = numbers.wanted[reference, s], offs[0], offs[1], offs[2]
+            rows_of_layer = table[layer]
+            for n in range(samples):
+                number = np.int64(node[n])
+                if state[number] != READY:
+                    if state[number] == UNKNOWN:
+                        missing[found], state[number] = number, ASKED_FOR
                         found += 1
                     is_known = False
                     continue
-                lack = numbers.wanted[reference, n, s] - (distance - spheres.radii[s])
-                if lack > most:
-                    most, worst = lack, n
-                if lack > 0.0:
-                    lack = lack * np.float32(numbers.density)
-                    proximity += lack * lack
-            total = base + weights[0] * proximity / samples + weights[2] * deviation / samples
-            total += weights[1] * max(most, 0.0)
-            if total > best[count - 1]:
-                break
-        if total > best[count - 1]:
-            cost[k] = np.inf
-        elif is_known:
-            cost[k], slack[k] = total, -most
-            rank = count - 1
-            while rank > 0 and best[rank - 1] > total:
-                best[rank] = best[rank - 1]
-                rank -= 1
-            best[rank] = total
+                distance = rows_of_layer[number, 0] + rows_of_layer[number, 1] * u[n]
+                distance += rows_of_layer[number, 2] * v[n]
+                distance += rows_of_layer[number, 3] * w[n]
+                lack = wanted[n] - (distance - radius)
+                most = max(most, lack)
+                lack = max(lack, np.float32(0.0)) * scale
+                proximity += lack * lack
+        if is_known:
+            slack[k] = -most
+            cost[k] = weights[0] * proximity / samples + weights[1] * max(most, 0.0)
+            cost[k] += weights[2] * deviation / samples
+            cost[k] += weights[3] * effort * (spans / numbers.duration) ** 4 / samples
+            cost[k] += weights[4] * max(excess / numbers.duration - 1.0, 0.0)
     return missing[:found]

@@ -6,7 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.planning.collision.compiled_arm import READY, GridArrays, looked_up
+from pepper_drake.planning.collision.compiled_arm import (
+    GridArrays,
+    looked_up,
+    make_rows,
+    not_measured,
+)
 
 Vector = npt.NDArray[np.float64]
 
@@ -89,24 +94,9 @@ class DistanceGrid:
     def make_ready(self, nodes: npt.NDArray[np.int64]) -> None:
         """Measures nodes (K,) and their neighbours, for the differences between these."""
         counts, values = self.region.counts, self._values
-        strides = (counts[1] * counts[2], counts[2], 1)
-        at = np.unravel_index(nodes, counts)
-        before = [nodes - step * (k > 0) for step, k in zip(strides, at, strict=True)]
-        after = [
-            nodes + step * (k < count - 1)
-            for step, k, count in zip(strides, at, counts, strict=True)
-        ]
-        around = np.concatenate((nodes, *before, *after))
-        new = np.unique(around[~self._measured[around]])
-        self._measured[new] = True
         if self._measure is not None:
+            new = not_measured(nodes, self._measured, self.arrays.counts)
             places = np.stack(np.unravel_index(new, counts), axis=1)
             distances = self._measure(self.region.lower + self.region.spacing * places)
             values[:, new] = np.minimum(values[:, new], distances)
-        table, state = self.arrays.table, self.arrays.state
-        table[:, nodes, 0] = values[:, nodes]
-        for axis, (low, high) in enumerate(zip(before, after, strict=True)):
-            # Central differences, per spacing; one-sided ones at the border.
-            share = np.where(high - low == strides[axis], 1.0, 0.5).astype(np.float32)
-            table[:, nodes, axis + 1] = share * (values[:, high] - values[:, low])
-        state[nodes] = READY
+        make_rows(nodes, values, self.arrays)

@@ -84,7 +84,7 @@ class TrajectoryCost:
         hand = checker.kinematics.poses(references.reshape(-1, joints)).hand_position
         ends = checker.approximate_distances(references[:, [0, -1]].reshape(-1, joints))
         ends = np.moveaxis(ends.reshape(count, 2, -1), 1, 2)
-        wanted = wanted_clearance(ends, samples, params, clearance)
+        wanted = wanted_clearance(ends, samples, params, clearance)  # (R, S, samples)
         weights = [
             params.proximity_weight,
             params.slack,
@@ -93,8 +93,8 @@ class TrajectoryCost:
             params.duration_weight,
         ]
         self._numbers = CostNumbers(
-            hand.reshape(count, samples, 3),
-            np.ascontiguousarray(np.moveaxis(wanted, 1, 2)),
+            np.ascontiguousarray(hand.reshape(count, samples, 3).swapaxes(1, 2)),
+            wanted,
             np.array(velocity),
             np.array(acceleration),
             float(duration),
@@ -102,24 +102,19 @@ class TrajectoryCost:
             np.array(weights),
         )
 
-    def __call__(self, paths: Vector, enough: int | None = None) -> TrajectoryRating:
-        """Rates paths (K, N, 5).
-
-        Args:
-            paths: [rad].
-            enough: Number of the best paths of which costs are asked: others may be said to cost
-                infinitely much, which takes less time. Left out, all are.
-        """
+    def __call__(self, paths: Vector) -> TrajectoryRating:
+        """Rates paths (K, N, 5)."""
         checker, count = self._checker, len(paths)
         cost, slack = np.full(count, np.nan), np.full(count, -np.inf, np.float32)
-        best = np.full(count if enough is None else enough, np.inf)
-        paths = np.array(paths, order="C")
+        joints = np.ascontiguousarray(paths.swapaxes(1, 2))
+        cos, sin = np.cos(joints), np.sin(joints)  # By several at once, as compiled code does not.
         while True:
             missing = rate_paths(
-                paths,
+                joints,
+                cos,
+                sin,
                 cost,
                 slack,
-                best,
                 checker.kinematics.chain,
                 checker.moving,
                 checker.grid.arrays,

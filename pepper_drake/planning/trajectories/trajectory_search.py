@@ -49,7 +49,7 @@ class SearchResult(NamedTuple):
 
 def optimize_trajectory(
     reference: Vector,
-    rate: Callable[[Vector, int], TrajectoryRating],
+    rate: Callable[[Vector], TrajectoryRating],
     *,
     lower: Vector,
     upper: Vector,
@@ -65,7 +65,7 @@ def optimize_trajectory(
 
     Args:
         reference: (N, 5) rad.
-        rate: Rates paths (K, N, 5), and so many of the best of them surely.
+        rate: Rates paths (K, N, 5).
         lower: (5,) joint limits, kept by clipping [rad].
         upper: (5,) rad.
         params: How long, how many.
@@ -97,7 +97,7 @@ def optimize_trajectory(
             steps = rng.standard_normal((params.population, size))
             steps[0] = 0.0  # The mean itself: it lacks what is random about each path.
         paths = paths_of(mean + sigma * steps)
-        rating = rate(paths, half)
+        rating = rate(paths)
         order = np.argsort(rating.cost, kind="stable")
         first = order[0]
         if best is None or rating.cost[first] < best.cost:
