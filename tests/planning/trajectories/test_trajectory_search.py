@@ -72,10 +72,10 @@ def checker_among(points):
     )
 
 
-@pytest.mark.parametrize("duration", [3.0, 0.5])
-def test_compiled_code_rates_paths_as_the_formula_does(duration):
+@pytest.mark.parametrize(("duration", "count"), [(3.0, 0), (0.5, 40)])
+def test_compiled_code_rates_paths_as_the_formula_does(duration, count):
     rng = np.random.default_rng(2)
-    checker = checker_among(rng.uniform([0.15, -0.5, -0.3], [0.5, 0.0, 0.2], (40, 3)))
+    checker = checker_among(rng.uniform([0.15, -0.5, -0.3], [0.5, 0.0, 0.2], (count, 3)))
     way = minimum_jerk(np.linspace(0.0, 1.0, SAMPLES))[:, None]
     reference = START + way * (GOAL - START)
     bump = np.sin(np.linspace(0.0, np.pi, SAMPLES))[:, None] ** 3
@@ -100,7 +100,7 @@ def test_compiled_code_rates_paths_as_the_formula_does(duration):
     )
     np.testing.assert_allclose(found.cost, expected.cost, rtol=1e-5)
     np.testing.assert_allclose(found.slack, expected.slack, atol=1e-6)
-    assert found.slack.max() > 0.0 > found.slack.min(), "some are clear and some are not"
+    assert (found.slack < 0.0).any() == (count > 0)
     np.testing.assert_array_equal(rate(paths[::-1]).cost, found.cost[::-1])
 
 
