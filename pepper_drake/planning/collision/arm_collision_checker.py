@@ -1,7 +1,7 @@
 """Distances of an arm to obstacles, to the goal object and to the rest of the robot."""
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -63,11 +63,16 @@ class BodyShapes:
             own = collision_solids(model.plant, model.diagram.scene_graph(), index)
             self._solids += own
             self._frames += [body.body_frame()] * len(own)
+        # The body's joints are the same for all that one answer, or a base placement, asks.
+        self._recent = lru_cache(maxsize=4)(self._at)
 
     def at(self, joint_position: Vector) -> SolidSet:
         """Returns the shapes in T at joints (15,) in the order of `BODY_JOINTS` [rad]."""
+        return self._recent(np.asarray(joint_position, dtype=float).tobytes())
+
+    def _at(self, joints: bytes) -> SolidSet:
         context = self._model.create_context()
-        q = self._model.positions(joint_position, np.zeros(3))
+        q = self._model.positions(np.frombuffer(joints), np.zeros(3))
         self._model.plant.SetPositions(context, q)
         torso = self._model.plant.GetFrameByName("torso")
         poses = [frame.CalcPose(context, torso) for frame in self._frames]
