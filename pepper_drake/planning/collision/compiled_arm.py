@@ -143,7 +143,10 @@ def link_poses(
     axes, origins = np.empty((count, 5, 3)), np.empty((count, 5, 3))
     R, p = np.empty((3, 3)), np.empty(3)
     for m in range(count):
-        R[:], p[:] = R_FT, p_FT
+        for i in range(3):
+            p[i] = p_FT[i]
+            for j in range(3):
+                R[i, j] = R_FT[i, j]
         _pose_links(joints[m], chain, R, p, rotations[m], positions[m], axes[m], origins[m])
     return rotations, positions, axes, origins
 
@@ -304,11 +307,12 @@ def _pose_path(
     Poses are (L, 3, 3, N) and (L, 3, N), those of the hand last; R (3, 3, N) is for the work.
     """
     count, hand = cos.shape[1], chain.rows[5]
-    p, first, second = positions[hand], R[0, 0], R[0, 1]
+    p = positions[hand]
     for i in range(3):
-        p[i] = 0.0
-        for j in range(3):
-            R[i, j] = 1.0 if i == j else 0.0
+        for n in range(count):
+            p[i, n] = 0.0
+            for j in range(3):
+                R[i, j, n] = 1.0 if i == j else 0.0
     for k in range(6):
         x, y, z = chain.positions[k, 0], chain.positions[k, 1], chain.positions[k, 2]
         for i in range(3):
@@ -331,10 +335,11 @@ def _pose_path(
                     first[n] = u * turn[n] + v * w
                     second[n] = v * turn[n] - u * w
         row = chain.rows[k]
-        if row >= 0:
-            rotations[row] = R
-            if row != hand:
-                positions[row] = p
+        for i in range(3 if row >= 0 else 0):
+            for n in range(count):
+                positions[row, i, n] = p[i, n]
+                for j in range(3):
+                    rotations[row, i, j, n] = R[i, j, n]
 
 
 @compiled
@@ -401,7 +406,8 @@ def rate_paths(
         for s in range(len(spheres.link)):
             link, layer, radius = spheres.link[s], spheres.layers[s], spheres.radii[s]
             x, y, z = spheres.centers[s, 0], spheres.centers[s, 1], spheres.centers[s, 2]
-            node[:] = 0.0
+            for n in range(samples):
+                node[n] = 0.0
             for i in range(3):
                 p, off = positions[link, i], offs[i]
                 a, b, c = rotations[link, i, 0], rotations[link, i, 1], rotations[link, i, 2]

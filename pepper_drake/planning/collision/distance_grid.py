@@ -84,7 +84,12 @@ class DistanceGrid:
         Args:
             points: [m].
             layers: (S,) which field, for each of the S points.
+
+        Raises:
+            ValueError: A point is not finite: what is nowhere is not far from everything.
         """
+        if not np.isfinite(points).all():
+            raise ValueError("points must be finite")
         found, missing = looked_up(points, layers, self.arrays)
         if len(missing):
             self.make_ready(missing)

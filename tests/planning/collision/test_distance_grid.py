@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -95,3 +96,9 @@ def test_only_what_is_looked_up_is_measured_and_that_once():
     np.testing.assert_allclose(at(grid, points), 0.05, atol=1e-7)
     np.testing.assert_allclose(at(grid, points), 0.05, atol=1e-7)
     assert len(asked) == len(set(asked)) == 12, "two nodes side by side and their neighbours"
+
+
+def test_what_is_nowhere_has_no_distance():
+    grid = DistanceGrid(REGION, ball(REGION.nodes())[None])
+    with pytest.raises(ValueError, match="finite"):
+        at(grid, np.array([[0.0, np.nan, 0.2]]))
