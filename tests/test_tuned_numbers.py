@@ -110,6 +110,10 @@ ALLOWED = {
         "numeric": "_DAMPING",
         "offline": "_POSTURE_GAIN",
     },
+    "planning/collision/compiled_arm.py": {
+        "layout": "UNKNOWN ASKED_FOR READY",
+        "numeric": "_ROUNDING",
+    },
     "planning/ik/compiled_tick.py": {"numeric": "SHARES ROUNDING"},
     "planning/ik/goal_configurations.py": {
         "numeric": "_LIBRARY_SIZE _SEED _STEPS _DAMPING _TOLERANCE _LARGEST_STEP"

@@ -106,9 +106,9 @@ def arm_speed(model: ControlModel, arm: str, joint_positions: Vector, time_step:
     if len(joint_positions) < 2:
         return 0.0
     kinematics = arm_kinematics(model, arm)
-    centers = kinematics.sphere_centers(kinematics.poses(joint_positions))  # (3, S, N)
-    displacements = np.diff(centers, axis=-1)
-    return float(np.linalg.norm(displacements, axis=0).max() / time_step)
+    centers = kinematics.sphere_centers_at(joint_positions)  # (N, S, 3)
+    displacements = np.diff(centers, axis=0)
+    return float(np.linalg.norm(displacements, axis=-1).max() / time_step)
 
 
 def stopping_time(

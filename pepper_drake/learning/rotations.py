@@ -113,6 +113,8 @@ def make_continuous(q: npt.ArrayLike) -> Array:
 def unwrapped_log(q: npt.ArrayLike) -> Array:
     """Returns the rotation vectors (N, 3) of a motion (N, 4), continuous from its *last* sample."""
     vectors = log_map(q)
+    if not np.any(np.linalg.norm(np.diff(vectors, axis=0), axis=1) > 1.0):
+        return vectors
     for k in range(len(vectors) - 2, -1, -1):
         if np.linalg.norm(vectors[k] - vectors[k + 1]) > 1.0:
             vectors[k] = nearest_log(np.asarray(q)[k], vectors[k + 1])

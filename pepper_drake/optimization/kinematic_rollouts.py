@@ -18,7 +18,7 @@ from pepper_drake.optimization.outcome import Outcome
 from pepper_drake.optimization.parameters import MovementParameters
 from pepper_drake.planning.collision.arm_collision_checker import GRID_CAP, arm_region
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics, arm_kinematics
-from pepper_drake.planning.collision.distance_grid import DistanceGrid, sample
+from pepper_drake.planning.collision.distance_grid import DistanceGrid
 from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.ik.batch_ik import batch_inverse_kinematics
 from pepper_drake.planning.reach.movement_from_path import fit_primitive_to_joint_path
@@ -87,8 +87,9 @@ class KinematicRollouts:
 
         def gaps() -> Array:
             centers = kinematics.sphere_centers(poses)
-            distances = self._distances().distance(centers)
-            least = (distances - kinematics.spheres.radii[:, None]).min(axis=0)
+            radii = kinematics.spheres.radii
+            distances = self._distances().distance(centers, np.zeros(len(radii), np.intp))
+            least = (distances - radii).min(axis=1)
             return least.reshape(shape) - GRID_ERROR
 
         return Outcome(
@@ -149,7 +150,8 @@ class KinematicRollouts:
 def distance_grid(arm: str, field: PointCloudDistance) -> DistanceGrid:
     """Returns the grid of distances to obstacles in an arm's workspace, in T."""
     region = arm_region(arm)
-    return DistanceGrid(region, sample(region, field.solid_points, GRID_CAP)[None])
+    far = np.full((1, np.prod(region.counts)), GRID_CAP)
+    return DistanceGrid(region, far, lambda places: field.distance(places, GRID_CAP))
 
 
 def arm_of(primitive: MovementPrimitive) -> str:

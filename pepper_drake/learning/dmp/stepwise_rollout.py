@@ -25,7 +25,8 @@ GoalFunction = Callable[[float], tuple[Array, Array]]
 LONGEST = 10.0
 """A rollout that obstacles delay ends after this many nominal durations."""
 
-_FIRST_BLOCK, _LARGEST_BLOCK = 16, 128
+_WHOLE, _FIRST_BLOCK = 1_000_000, 16
+"""Steps that are tried at once without coupling: all of them first; few after a push, then more."""
 
 
 def integrate(
@@ -67,10 +68,10 @@ def integrate(
     phase = np.ones(shape)
     value = forcing(phase[..., None])[..., 0, :]
     record = _Record()
-    block = _FIRST_BLOCK
+    block = _WHOLE
     while True:
         if callable(goal_at):
-            seen, velocity = goal_at(len(record.states) * time_step)
+            seen, velocity = goal_at(record.count * time_step)
             goal = goal.seen(seen, velocity)
             if attractor.scaling not in ("none", "amplitude"):
                 forcing = attractor.forcing(start, goal.delayed, weights)
@@ -84,7 +85,7 @@ def integrate(
                     attractor, forcing, state, goal, phase, tau, time_step, block, end
                 )
                 steps = obstacles.undisturbed_steps(run, goal, tau)
-                block = min(2 * block, _LARGEST_BLOCK) if steps == run.steps else _FIRST_BLOCK
+                block = 2 * block if steps == run.steps else _FIRST_BLOCK
                 record.extend(run, steps, tau)
                 state, phase, value = run.states[steps], run.phases[steps], run.values[steps]
                 if phase <= end:
@@ -95,7 +96,7 @@ def integrate(
                 total = total + push / (tau * tau)
         record.append(state, total, phase, tau, push)
         over = (phase <= end).all() if shape else phase <= end
-        if over or len(record.states) > longest:
+        if over or record.count > longest:
             break
         decay = attractor.alpha_x / (tau * (1.0 + slowdown))
         phases = node_phases(phase, decay, time_step)
@@ -214,47 +215,48 @@ class _Record:
     """Collects the samples of a motion."""
 
     def __init__(self) -> None:
-        self.states: list[Array] = []
+        self.count = 0
+        self._states: list[Array] = []
         self._totals: list[Array] = []
         self._phases: list[Array] = []
+        self._pushes: list[Array] = []
         self._taus: list[float] = []
-        self._pushes: list[Array | None] = []
 
     def append(
         self, state: Array, total: Array, phase: Array, tau: float, push: Array | None
     ) -> None:
         """Adds one sample."""
-        self.states.append(state)
-        self._totals.append(total)
-        self._phases.append(phase)
-        self._taus.append(tau)
-        self._pushes.append(push)
+        push = np.zeros(total.shape) if push is None else push
+        self._add(state[None], total[None], np.asarray(phase)[None], push[None], tau)
 
     def extend(self, run: _Run, steps: int, tau: float) -> None:
         """Adds the first samples of a run."""
-        self.states.extend(run.states[:steps])
-        self._totals.extend(run.totals[:steps])
-        self._phases.extend(run.phases[:steps])
-        self._taus.extend([tau] * steps)
-        self._pushes.extend([None] * steps)
+        totals = run.totals[:steps]
+        self._add(run.states[:steps], totals, run.phases[:steps], np.zeros(totals.shape), tau)
+
+    def _add(self, states: Array, totals: Array, phases: Array, pushes: Array, tau: float) -> None:
+        self.count += len(states)
+        self._states.append(states)
+        self._totals.append(totals)
+        self._phases.append(phases)
+        self._pushes.append(pushes)
+        self._taus.extend([tau] * len(states))
 
     def motion(self, time_step: float, field: PointCloudDistance | None) -> Motion:
         """Returns all samples."""
-        axis = self.states[0].ndim - 2
-        nothing = np.zeros(self.states[0][..., 0, :].shape)
-        pushes = [nothing if push is None else push for push in self._pushes]
+        axis = self._totals[0].ndim - 2
 
         def samples(values: list[Array]) -> Array:
-            return np.moveaxis(np.array(values), 0, axis)
+            return np.moveaxis(np.concatenate(values), 0, axis)
 
-        path = samples(self.states)
+        path = samples(self._states)
         return Motion(
-            time_grid(len(self.states) - 1, time_step),
+            time_grid(self.count - 1, time_step),
             path[..., 0, :],
             path[..., 1, :],
             samples(self._totals),
             samples(self._phases),
             np.array(self._taus),
-            samples(pushes),
+            samples(self._pushes),
             None if field is None else field.distance(path[..., 0, :]),
         )

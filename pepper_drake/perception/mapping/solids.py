@@ -250,20 +250,20 @@ def least_link_distances(
     """Returns the smallest signed distances (M,) of solids on links to points [m].
 
     Args:
-        rotations: Rotation of each link in the frame of the points (L, M, 3, 3).
-        positions: (L, M, 3) [m].
+        rotations: Rotation of each link in the frame of the points (M, L, 3, 3).
+        positions: (M, L, 3) [m].
         links: Index of each solid's link (S,).
         solids: The solids in the frames of their links.
         cells: The points.
         most: Upper bound of the result [m].
     """
     points, first, lower, counts, size = cells
-    least = np.full(rotations.shape[1], most)
+    least = np.full(len(rotations), most)
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     R, p = np.empty((3, 3)), np.empty(3)
     for m in range(len(least)):
         for s in range(len(links)):
-            R_L, p_L = rotations[links[s], m], positions[links[s], m]
+            R_L, p_L = rotations[m, links[s]], positions[m, links[s]]
             reach = solids.radii[s] + least[m]
             for i in range(3):
                 p[i] = p_L[i]

@@ -1,7 +1,7 @@
 """Distances of an arm to obstacles, to the goal object and to the rest of the robot."""
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -10,9 +10,9 @@ from pydrake.math import RigidTransform
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.perception.mapping.solids import Solid, SolidSet, collision_solids
-from pepper_drake.planning.collision.arm_kinematics import ArmPoses
 from pepper_drake.planning.collision.clearance_table import FARTHEST
-from pepper_drake.planning.collision.distance_grid import DistanceGrid, Region, sample
+from pepper_drake.planning.collision.compiled_arm import Spheres, placed_points
+from pepper_drake.planning.collision.distance_grid import DistanceGrid, Region
 from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.collision.sphere_model import SphereModel, arm_link_names
 
@@ -63,11 +63,16 @@ class BodyShapes:
             own = collision_solids(model.plant, model.diagram.scene_graph(), index)
             self._solids += own
             self._frames += [body.body_frame()] * len(own)
+        # The body's joints are the same for all that one answer, or a base placement, asks.
+        self._recent = lru_cache(maxsize=4)(self._at)
 
     def at(self, joint_position: Vector) -> SolidSet:
         """Returns the shapes in T at joints (15,) in the order of `BODY_JOINTS` [rad]."""
+        return self._recent(np.asarray(joint_position, dtype=float).tobytes())
+
+    def _at(self, joints: bytes) -> SolidSet:
         context = self._model.create_context()
-        q = self._model.positions(joint_position, np.zeros(3))
+        q = self._model.positions(np.frombuffer(joints), np.zeros(3))
         self._model.plant.SetPositions(context, q)
         torso = self._model.plant.GetFrameByName("torso")
         poses = [frame.CalcPose(context, torso) for frame in self._frames]
@@ -140,41 +145,43 @@ class ArmCollisionChecker:
         return distances
 
     @cached_property
-    def _grid(self) -> DistanceGrid:
-        region, R_FT = arm_region(self.kinematics.arm), self._X_FT.rotation().matrix()
-        seen = (self._field.solid_points - self._X_FT.translation()) @ R_FT
-        around = self._object.solid_points @ self._X_TO.rotation().matrix().T
-        points = np.concatenate((seen, around + self._X_TO.translation()))
-        cloud = sample(region, points, GRID_CAP)
-        with_body = np.minimum(cloud, self._body_layer() + self._allowance)
-        return DistanceGrid(region, np.stack((cloud, with_body)))
+    def grid(self) -> DistanceGrid:
+        """Distances to all that the arm must not touch, without (0) and with (1) the body."""
+        region = arm_region(self.kinematics.arm)
+        with_body = np.minimum(self._body_layer() + self._allowance, GRID_CAP)
+        layers = np.stack((np.full(len(with_body), GRID_CAP), with_body))
+        return DistanceGrid(region, layers, self._around)
+
+    def _around(self, p_T: Vector) -> Vector:
+        """Distances (N,) of places (N, 3) to seen obstacles and the goal object [m]."""
+        return np.minimum(
+            self._field.distance(_moved(self._X_FT, p_T), GRID_CAP),
+            self._object.distance(_moved(self._X_TO.inverse(), p_T), GRID_CAP),
+        )
 
     @cached_property
-    def _moving(self) -> tuple[SphereModel, npt.NDArray[np.intp]]:
-        """Elbow, forearm and hand: the upper arm follows them; and each sphere's layer."""
+    def moving(self) -> Spheres:
+        """Elbow, forearm and hand, with the grid's layer of each: the upper arm follows them."""
         spheres = self.kinematics.spheres
         kept = np.array([not spheres.link_names[k].endswith("Bicep") for k in spheres.link])
         layers = np.where(self._watched[kept], CLOUD_AND_BODY, CLOUD)
-        return spheres.selected(kept), layers
+        radii = spheres.radii[kept].astype(np.float32)
+        return Spheres(spheres.link[kept], spheres.centers[kept], radii, layers)
 
     def approximate_distances(self, joints: Vector) -> npt.NDArray[np.float32]:
-        """Returns distances (S', N) of the spheres below the upper arm, from the grid [m].
+        """Returns distances (N, S') of the spheres below the upper arm, from the grid [m].
 
         Within a few millimetres of the truth, and at most `GRID_CAP` less the sphere's radius;
         forearm and hand see the body, too, `body_allowance` farther away than it is.
         """
-        return self.approximate_distances_and_poses(joints)[0]
+        spheres, poses = self.moving, self.kinematics.poses(joints)
+        centers = placed_points(poses.rotations, poses.positions, spheres.link, spheres.centers)
+        return np.asarray(self.grid.distance(centers, spheres.layers) - spheres.radii)
 
-    def approximate_distances_and_poses(
-        self, joints: Vector
-    ) -> tuple[npt.NDArray[np.float32], ArmPoses]:
-        """Returns what `approximate_distances` does, and the poses that it came from."""
-        spheres, layers = self._moving
-        poses = self.kinematics.poses(joints)
-        centers = self.kinematics.sphere_centers(poses, spheres)
-        distances = self._grid.distance(centers, layers[:, None])
-        distances -= spheres.radii.astype(np.float32)[:, None]
-        return distances, poses
+
+def _moved(X_FT: RigidTransform, p_T: Vector) -> Vector:
+    """Places (N, 3) in another frame."""
+    return np.asarray(p_T @ X_FT.rotation().matrix().T + X_FT.translation())
 
 
 def sample_body(arm: str, body: SolidSet) -> Vector:

@@ -1,13 +1,11 @@
 """Forward kinematics of one arm for many joint positions at once.
 
-The chain is read once off the control model's plant; from then on it is arithmetic on whole arrays,
-a hundred times faster than a loop over contexts. Vectors come with their three components first,
-(3, M), inside: each operation then runs over a contiguous row.
+The chain is read once off the control model's plant; from then on it is compiled arithmetic, a
+thousand times faster than a loop over contexts.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +14,7 @@ from pydrake.multibody.tree import RevoluteJoint
 
 from pepper_drake.models.control_model import ControlModel, arm_joints
 from pepper_drake.models.pepper import hand_frame
+from pepper_drake.planning.collision.compiled_arm import ArmChain, link_poses, placed_points
 from pepper_drake.planning.collision.sphere_model import (
     SphereModel,
     arm_link_names,
@@ -25,84 +24,37 @@ from pepper_drake.planning.collision.sphere_model import (
 Vector = npt.NDArray[np.float64]
 
 
-_Terms = tuple[tuple[int, float], ...]
-"""A constant vector: the places of its components that are not zero, and these."""
-
-
-@dataclass(frozen=True)
-class _Joint:
-    """A revolute joint about a coordinate axis.
+@dataclass(frozen=True, eq=False)
+class ArmPoses:
+    """Link poses of an arm at M joint positions, in T or another frame that was asked for.
 
     Attributes:
-        R: Columns of the rotation of its frame in its parent link; None for no rotation.
-        p: The origin of its frame there [m].
-        axis: Which coordinate axis it turns about, and the sense, 1 or -1.
-    """
-
-    R: tuple[_Terms, ...] | None
-    p: _Terms
-    axis: tuple[int, float]
-
-
-class ArmChain(NamedTuple):
-    """An arm's five joints and its hand as plain arrays, for compiled code.
-
-    Attributes:
-        rotations: (6, 3, 3) of each joint's frame in its parent link, then of the hand in its link.
-        positions: (6, 3) their origins there [m].
-        axis_numbers: (5,) which coordinate axis each joint turns about.
-        senses: (5,) 1 or -1.
+        rotations: (M, L + 1, 3, 3) of each link with spheres, and of the hand.
+        positions: (M, L + 1, 3) likewise [m].
+        axes: (M, 5, 3) the joints' axes.
+        origins: (M, 5, 3) a point on each axis [m].
     """
 
     rotations: Vector
     positions: Vector
-    axis_numbers: npt.NDArray[np.int64]
-    senses: Vector
-
-
-class ArmPoses:
-    """Link poses of an arm at M joint positions.
-
-    Attributes:
-        hand_position: (M, 3) p_TH [m].
-        hand_rotation: (M, 3, 3) R_TH.
-        links: Rotation (3, 3, M) and position (3, M) in T of each link with spheres.
-        axes: (5, 3, M) the joints' axes in T.
-        origins: (5, 3, M) a point on each axis in T [m].
-    """
-
-    def __init__(
-        self,
-        links: list[tuple[Vector, Vector]],
-        axes: Vector,
-        origins: Vector,
-        hand: tuple[Vector, Vector],
-    ) -> None:
-        self.links, self.axes, self.origins = links, axes, origins
-        self._hand_R, self._hand_p = hand
+    axes: Vector
+    origins: Vector
 
     @property
     def hand_position(self) -> Vector:
         """(M, 3) p_TH [m]."""
-        return self._hand_p.T
+        return self.positions[:, -1]
 
     @property
     def hand_rotation(self) -> Vector:
         """(M, 3, 3) R_TH."""
-        return np.moveaxis(self._hand_R, -1, 0)
+        return self.rotations[:, -1]
 
     def hand_jacobian(self) -> Vector:
         """(M, 6, 5): the hand's angular (first) and linear velocity in T per joint velocity."""
-        arm = self._hand_p - self.origins
-        linear = np.stack(
-            (
-                self.axes[:, 1] * arm[:, 2] - self.axes[:, 2] * arm[:, 1],
-                self.axes[:, 2] * arm[:, 0] - self.axes[:, 0] * arm[:, 2],
-                self.axes[:, 0] * arm[:, 1] - self.axes[:, 1] * arm[:, 0],
-            ),
-            axis=1,
-        )
-        return np.concatenate((self.axes, linear), axis=1).transpose(2, 1, 0)
+        arm = self.hand_position[:, None] - self.origins
+        (u, v, w), (x, y, z) = np.moveaxis(self.axes, 2, 0), np.moveaxis(arm, 2, 0)
+        return np.stack((u, v, w, v * z - w * y, w * x - u * z, u * y - v * x), axis=1)
 
 
 class ArmKinematics:
@@ -124,8 +76,8 @@ class ArmKinematics:
         self.arm = arm
         self.spheres: SphereModel = make_link_spheres(model, arm_link_names(arm))
         plant = model.plant
-        self._joints: list[_Joint] = []
-        self._link_after: list[int | None] = []
+        link_after: list[int] = []
+        axes: list[Vector] = []
         names = arm_link_names(arm)
         poses: list[RigidTransform] = []
         for name in arm_joints(arm):
@@ -135,45 +87,31 @@ class ArmKinematics:
             if not X_CM.IsNearlyIdentity(1e-12):
                 raise ValueError(f"{name}: its link's frame is not that of the joint")
             poses.append(X_PF)
-            ((number, sense),) = _terms(joint.revolute_axis())
-            self._joints.append(
-                _Joint(
-                    _columns(X_PF.rotation().matrix()), _terms(X_PF.translation()), (number, sense)
-                )
-            )
+            axes.append(joint.revolute_axis())
             child = joint.child_body().name()
-            self._link_after.append(names.index(child) if child in names else None)
+            link_after.append(names.index(child) if child in names else -1)
         X_LH = plant.GetFrameByName(hand_frame(arm)).GetFixedPoseInBodyFrame()
-        self._hand = _columns(X_LH.rotation().matrix()), _terms(X_LH.translation())
         poses.append(X_LH)
+        numbers = np.argmax(np.abs(axes), axis=1)
         self.chain = ArmChain(
             np.array([X.rotation().matrix() for X in poses]),
             np.array([X.translation() for X in poses]),
-            np.array([joint.axis[0] for joint in self._joints]),
-            np.array([joint.axis[1] for joint in self._joints]),
+            numbers,
+            np.array([axis[number] for axis, number in zip(axes, numbers, strict=True)]),
+            np.array([not X.rotation().IsExactlyIdentity() for X in poses]),
+            np.array([*link_after, len(names)]),
         )
+        if any(np.count_nonzero(axis) != 1 for axis in axes):
+            raise ValueError("a joint of the arm does not turn about a coordinate axis")
 
-    def poses(self, joints: Vector) -> ArmPoses:
-        """Link poses of the arm at joints (M, 5) [rad]."""
-        q = np.asarray(joints)
-        count = len(q)
-        cos, sin = np.cos(q.T), np.sin(q.T)
-        R = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, count))
-        p = np.zeros((3, count))
-        links: list[tuple[Vector, Vector]] = [(R, p)] * len(self.spheres.link_names)
-        axes, origins = np.empty((5, 3, count)), np.empty((5, 3, count))
-        for k, joint in enumerate(self._joints):
-            if joint.p:
-                p = p + _rotate(R, joint.p)
-            R = _times(R, joint.R)
-            number, sense = joint.axis
-            axes[k], origins[k] = sense * R[:, number], p
-            R = _turned(R, number, cos[k], sense * sin[k])
-            link = self._link_after[k]
-            if link is not None:
-                links[link] = (R, p)
-        R_LH, p_LH = self._hand
-        return ArmPoses(links, axes, origins, (_times(R, R_LH), p + _rotate(R, p_LH)))
+    def poses(self, joints: Vector, X_FT: RigidTransform | None = None) -> ArmPoses:
+        """Link poses of the arm at joints (M, 5) [rad], in a frame F; left out, F is T."""
+        R, p = np.eye(3), np.zeros(3)
+        if X_FT is not None:
+            R, p = np.array(X_FT.rotation().matrix(), order="C"), np.array(X_FT.translation())
+        # A copy: compiled anew it would be for arrays that may not be written or have gaps.
+        q = np.array(joints, dtype=float, order="C")
+        return ArmPoses(*link_poses(q, R, p, self.chain))
 
     def hand_pose(self, joints: Vector) -> RigidTransform:
         """Returns X_TH at joints (5,) [rad]."""
@@ -183,52 +121,15 @@ class ArmKinematics:
 
     def sphere_centers_at(self, joints: Vector) -> Vector:
         """Returns centres (M, S, 3) of the arm's spheres in T [m] at joints (M, 5) [rad]."""
-        return self.sphere_centers(self.poses(joints)).transpose(2, 1, 0)
+        return self.sphere_centers(self.poses(joints))
 
     def sphere_centers(self, poses: ArmPoses, spheres: SphereModel | None = None) -> Vector:
-        """Centres (3, S, M) of spheres on the arm's links in T [m]; the arm's own if left out."""
+        """Centres (M, S, 3) of spheres on the arm's links [m]; the arm's own if left out."""
         spheres = self.spheres if spheres is None else spheres
-        count = poses.axes.shape[-1]
-        centers = np.empty((3, len(spheres.radii), count))
-        ends = np.searchsorted(spheres.link, range(len(poses.links) + 1)).tolist()
-        for number, (R, p) in enumerate(poses.links):
-            block = slice(ends[number], ends[number + 1])
-            for i in range(3):
-                np.matmul(spheres.centers[block], R[i], out=centers[i, block])
-                centers[i, block] += p[i]
+        centers: Vector = placed_points(
+            poses.rotations, poses.positions, spheres.link, spheres.centers
+        )
         return centers
-
-
-def _terms(v: Vector) -> _Terms:
-    return tuple((k, float(x)) for k, x in enumerate(v) if x != 0.0)
-
-
-def _columns(R: Vector) -> tuple[_Terms, ...] | None:
-    return None if np.array_equal(R, np.eye(3)) else tuple(_terms(column) for column in R.T)
-
-
-def _rotate(R: Vector, v: _Terms) -> Vector:
-    """R v (3, M) for rotations (3, 3, M) and one vector, whose zeros cost nothing."""
-    total: Vector | None = None
-    for k, x in v:
-        term = R[:, k] if x == 1.0 else R[:, k] * x
-        total = term if total is None else total + term
-    return np.zeros((3, R.shape[-1])) if total is None else total
-
-
-def _times(R: Vector, C: tuple[_Terms, ...] | None) -> Vector:
-    """R C for rotations (3, 3, M) and the columns of one rotation."""
-    return R if C is None else np.stack([_rotate(R, column) for column in C], axis=1)
-
-
-def _turned(R: Vector, k: int, cos: Vector, sin: Vector) -> Vector:
-    """R times the rotations about the k-th coordinate axis, (3, 3, M)."""
-    a, b = (k + 1) % 3, (k + 2) % 3
-    turned = np.empty_like(R, subok=False)
-    turned[:, k] = R[:, k]
-    turned[:, a] = R[:, a] * cos + R[:, b] * sin
-    turned[:, b] = R[:, b] * cos - R[:, a] * sin
-    return turned
 
 
 @lru_cache(maxsize=4)

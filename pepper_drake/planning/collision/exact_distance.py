@@ -68,19 +68,14 @@ class ExactDistance:
             raise ValueError("joints must be finite")
         if field.cells is None:
             return np.full(len(joints), np.inf)
-        X_FT = RigidTransform() if X_FT is None else X_FT
-        R_FT, p_FT = X_FT.rotation().matrix(), X_FT.translation()
-        poses = self.kinematics.poses(joints)
-        centers = self.kinematics.sphere_centers(poses).transpose(2, 1, 0) @ R_FT.T + p_FT
-        radii = self.kinematics.spheres.radii
-        least: Vector = least_gaps(np.array(centers, order="C"), radii, field.cells, within)
+        poses = self.kinematics.poses(joints, X_FT)
+        centers = self.kinematics.sphere_centers(poses)
+        least: Vector = least_gaps(centers, self.kinematics.spheres.radii, field.cells, within)
         near = np.flatnonzero(least < NEAR)
         if len(near):
-            turned = np.array([np.moveaxis(R[..., near], -1, 0) for R, _ in poses.links])
-            moved = np.array([p[:, near].T for _, p in poses.links])
             least[near] = least_link_distances(
-                R_FT @ turned,
-                moved @ R_FT.T + p_FT,
+                poses.rotations[near],
+                poses.positions[near],
                 self._links,
                 self._solids,
                 field.cells,

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.models.control_model import CommandLimits, ControlModel, arm_joints
-from pepper_drake.planning.collision.arm_kinematics import ArmChain
+from pepper_drake.planning.collision.compiled_arm import ArmChain
 from pepper_drake.planning.ik.compiled_tick import IkNumbers, ik_velocity, track_path
 from pepper_drake.planning.ik.differential_ik import DifferentialIkParams, arm_joint_limits
 

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from pepper_drake.compiled import compiled
 from pepper_drake.models.control_model import LimitArrays
-from pepper_drake.planning.collision.arm_kinematics import ArmChain
+from pepper_drake.planning.collision.compiled_arm import ArmChain
 
 Vector = npt.NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
-from pepper_drake.planning.ik.batch_ik import damped_least_squares
+from pepper_drake.planning.collision.compiled_arm import reach_point
 
 Vector = npt.NDArray[np.float64]
 
@@ -55,15 +55,11 @@ class GoalConfigurations:
             Postures (M, 5), and which of them are there.
         """
         q = np.clip(starts, self._lower, self._upper)
-        for _ in range(_STEPS):
-            poses = self._kinematics.poses(q)
-            error = target - poses.hand_position
-            J = poses.hand_jacobian()[:, 3:]
-            step = damped_least_squares(J, error, _DAMPING)
-            step /= np.maximum(np.abs(step).max(axis=1, keepdims=True) / _LARGEST_STEP, 1.0)
-            q = np.clip(q + step, self._lower, self._upper)
-        error = np.linalg.norm(target - self._kinematics.poses(q).hand_position, axis=1)
-        return q, error <= _TOLERANCE
+        limits = np.stack((self._lower, self._upper))
+        left = reach_point(
+            np.array(target), q, limits, self._kinematics.chain, _STEPS, _DAMPING, _LARGEST_STEP
+        )
+        return q, left <= _TOLERANCE
 
     def well_turned(self, q: Vector, R_TG: Vector, axis: npt.ArrayLike, tolerance: float) -> Vector:
         """Returns those postures (M, 5) whose hand has an axis (3,) near its goal's; all if none.

@@ -77,11 +77,17 @@ class PlanningSceneBuilder:
         self._goal_radius = max((solid.width for solid in goal_solids), default=0.0)
         self._arm_in_body = body_indices(arm_joints(arm))
         self._sampled = lru_cache(maxsize=32)(self._sample)
+        # One answer asks for the same several times.
+        self._torso = lru_cache(maxsize=4)(self._torso_pose)
 
     def torso_pose(self, observation: Observation) -> RigidTransform:
         """Returns X_WT of an observation."""
+        joints = np.asarray(observation.joint_position, dtype=float)
+        return self._torso(joints.tobytes(), tuple(observation.base_pose))
+
+    def _torso_pose(self, joints: bytes, base_pose: tuple[float, ...]) -> RigidTransform:
         context, model = self._model.create_context(), self._model
-        positions = model.positions(observation.joint_position, observation.base_pose)
+        positions = model.positions(np.frombuffer(joints), np.array(base_pose))
         model.plant.SetPositions(context, positions)
         return model.pose(context, "torso")
 

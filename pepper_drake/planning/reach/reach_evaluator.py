@@ -139,7 +139,7 @@ class ReachEvaluator:
         coupling = self.demonstrated.coupling
         if not isinstance(coupling, BarrierCoupling):
             return coupling
-        hand = primitive.rollout(time_step=0.02)
+        hand = replace(primitive, orientation=None, posture=None).rollout(time_step=0.02)
         return fit_barrier_to_path(
             coupling,
             scene.field,

@@ -204,12 +204,12 @@ class TrajectoryAdapter:
     ) -> Iterator[tuple[Vector, int]]:
         """The way that a path planner finds through the map, as one more to start from."""
         ends = checker.approximate_distances(np.concatenate((start[None], goals)))
-        allowed = np.minimum(ends.min(axis=1, keepdims=True), self._clearance.resume)
+        allowed = np.minimum(ends.min(axis=0), self._clearance.resume)
 
         corner_slack = self.params.corner_slack
 
         def free(postures: Vector) -> npt.NDArray[np.bool_]:
-            return (checker.approximate_distances(postures) >= allowed - corner_slack).all(axis=0)
+            return (checker.approximate_distances(postures) >= allowed - corner_slack).all(axis=1)
 
         corners = rrt_connect(
             start,

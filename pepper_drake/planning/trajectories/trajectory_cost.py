@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
-from pepper_drake.planning.trajectories.joint_trajectories import minimum_duration, minimum_jerk
+from pepper_drake.planning.collision.compiled_arm import CostNumbers, rate_paths
+from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
 
 Vector = npt.NDArray[np.float64]
 
@@ -78,36 +79,50 @@ class TrajectoryCost:
         params: PathCostParams,
         clearance: float,
     ) -> None:
-        self._checker, self._params, self._clearance = checker, params, clearance
-        self._duration, self._limits = duration, (velocity, acceleration)
+        self._checker = checker
         count, samples, joints = references.shape
-        self._step = duration / (samples - 1)
         hand = checker.kinematics.poses(references.reshape(-1, joints)).hand_position
-        self._hand = hand.reshape(count, samples, 3)
         ends = checker.approximate_distances(references[:, [0, -1]].reshape(-1, joints))
-        self._wanted = wanted_clearance(ends.reshape(-1, count, 2), samples, params, clearance)
+        ends = np.moveaxis(ends.reshape(count, 2, -1), 1, 2)
+        wanted = wanted_clearance(ends, samples, params, clearance)  # (R, S, samples)
+        weights = [
+            params.proximity_weight,
+            params.slack,
+            1.0 / params.deviation**2,
+            params.effort,
+            params.duration_weight,
+        ]
+        self._numbers = CostNumbers(
+            np.ascontiguousarray(hand.reshape(count, samples, 3).swapaxes(1, 2)),
+            wanted,
+            np.array(velocity),
+            np.array(acceleration),
+            float(duration),
+            1.0 / clearance,
+            np.array(weights),
+        )
 
     def __call__(self, paths: Vector) -> TrajectoryRating:
         """Rates paths (K, N, 5)."""
-        params = self._params
-        count, samples, joints = paths.shape
-        gaps, poses = self._checker.approximate_distances_and_poses(paths.reshape(-1, joints))
-        lack = self._wanted - gaps.reshape(len(gaps), count, samples)
-        slack = -lack.max(axis=(0, 2))
-        np.maximum(lack, 0.0, out=lack)
-        lack *= np.float32(1.0 / self._clearance)
-        proximity = np.einsum("skn,skn->k", lack, lack) / samples
-        off = poses.hand_position.reshape(count, samples, 3) - self._hand
-        bend = np.diff(paths, n=2, axis=1) / self._step**2
-        excess = minimum_duration(paths, *self._limits) / self._duration - 1.0
-        cost = (
-            params.proximity_weight * proximity
-            + params.slack * np.maximum(-slack, 0.0)
-            + np.einsum("kni,kni->k", off, off) / samples / params.deviation**2
-            + params.effort * np.einsum("kni,kni->k", bend, bend) / samples
-            + params.duration_weight * np.maximum(excess, 0.0)
-        )
-        return TrajectoryRating(cost, slack.astype(float))
+        checker, count = self._checker, len(paths)
+        cost, slack = np.full(count, np.nan), np.full(count, -np.inf, np.float32)
+        joints = np.ascontiguousarray(paths.swapaxes(1, 2))
+        cos, sin = np.cos(joints), np.sin(joints)  # By several at once, as compiled code does not.
+        while True:
+            missing = rate_paths(
+                joints,
+                cos,
+                sin,
+                cost,
+                slack,
+                checker.kinematics.chain,
+                checker.moving,
+                checker.grid.arrays,
+                self._numbers,
+            )
+            if not len(missing):
+                return TrajectoryRating(cost, slack.astype(float))
+            checker.grid.make_ready(missing)
 
 
 def wanted_clearance(

@@ -9,6 +9,7 @@ from pepper_drake.learning import (
     ReportCoupling,
 )
 from pepper_drake.learning import rotations as so3
+from pepper_drake.learning.dmp import stepwise_rollout
 from tests.learning.conftest import make_demonstration
 
 
@@ -62,8 +63,10 @@ def test_a_motion_among_far_obstacles_is_exactly_undisturbed(straight):
 def test_blocks_of_steps_are_the_single_steps(straight, monkeypatch):
     cloud = pillar(y=0.01)
     blocks = straight.rollout(obstacles=cloud)
-    monkeypatch.setattr("pepper_drake.learning.dmp.stepwise_rollout._FIRST_BLOCK", 1)
-    monkeypatch.setattr("pepper_drake.learning.dmp.stepwise_rollout._LARGEST_BLOCK", 1)
+    run = stepwise_rollout._undisturbed
+    monkeypatch.setattr(
+        stepwise_rollout, "_undisturbed", lambda *rest: run(*rest[:-2], 1, rest[-1])
+    )
     single = straight.rollout(obstacles=cloud)
     assert np.any(blocks.coupling)
     np.testing.assert_allclose(blocks.positions, single.positions, atol=1e-11)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import JacobianWrtVariable
 
 from pepper_drake.models.control_model import arm_joints, shared_control_model
@@ -41,11 +42,13 @@ def test_the_hands_pose_is_drakes(arm, joints):
 
 def test_the_links_poses_are_drakes(arm, joints):
     poses = ArmKinematics(MODEL, arm).poses(joints)
-    for name, (R, p) in zip(arm_link_names(arm), poses.links, strict=True):
+    for link, name in enumerate(arm_link_names(arm)):
         for k, q in enumerate(joints[:8]):
             X_TL = MODEL.pose(drake_context(arm, q), name, "torso")
-            np.testing.assert_allclose(p[:, k], X_TL.translation(), atol=1e-12)
-            np.testing.assert_allclose(R[:, :, k], X_TL.rotation().matrix(), atol=1e-12)
+            np.testing.assert_allclose(poses.positions[k, link], X_TL.translation(), atol=1e-12)
+            np.testing.assert_allclose(
+                poses.rotations[k, link], X_TL.rotation().matrix(), atol=1e-12
+            )
 
 
 def test_the_hands_jacobian_is_drakes(arm, joints):
@@ -64,11 +67,18 @@ def test_spheres_are_where_their_links_put_them(arm, joints):
     kinematics = ArmKinematics(MODEL, arm)
     poses = kinematics.poses(joints)
     centers = kinematics.sphere_centers(poses)
-    R = np.stack([np.moveaxis(R, -1, 0) for R, _ in poses.links], axis=1)
-    p = np.stack([p.T for _, p in poses.links], axis=1)
-    np.testing.assert_allclose(
-        centers.transpose(2, 1, 0), kinematics.spheres.place(R, p), atol=1e-12
-    )
+    R, p = poses.rotations[:, :-1], poses.positions[:, :-1]
+    np.testing.assert_allclose(centers, kinematics.spheres.place(R, p), atol=1e-12)
     some = kinematics.spheres.link == 3
     hand = kinematics.sphere_centers(poses, kinematics.spheres.selected(some))
     np.testing.assert_array_equal(hand, centers[:, some])
+
+
+def test_poses_in_another_frame_are_those_of_the_torso_moved(arm, joints):
+    kinematics = ArmKinematics(MODEL, arm)
+    X_FT = RigidTransform(RollPitchYaw(0.1, -0.2, 0.8), [0.4, -0.3, 0.8])
+    in_T, in_F = kinematics.poses(joints), kinematics.poses(joints, X_FT)
+    R_FT = X_FT.rotation().matrix()
+    np.testing.assert_allclose(in_F.rotations, R_FT @ in_T.rotations, atol=1e-12)
+    moved = in_T.positions @ R_FT.T + X_FT.translation()
+    np.testing.assert_allclose(in_F.positions, moved, atol=1e-12)

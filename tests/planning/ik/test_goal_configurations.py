@@ -4,6 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics, arm_kinematics
+from pepper_drake.planning.ik.batch_ik import damped_least_squares
 from pepper_drake.planning.ik.goal_configurations import (
     GoalConfigurations,
     axis_error,
@@ -28,6 +29,19 @@ def test_most_postures_nearby_are_brought_to_the_goal(postures):
     for joints in q[there]:
         np.testing.assert_allclose(kinematics.hand_pose(joints).translation(), GOAL, atol=3e-4)
     assert np.all((q >= LOWER) & (q <= UPPER))
+
+
+def test_compiled_steps_are_those_of_damped_least_squares(postures):
+    kinematics = arm_kinematics(MODEL, "right")
+    starts = postures.near(GOAL, 40)
+    q = np.clip(starts, LOWER, UPPER)
+    for _ in range(8):
+        poses = kinematics.poses(q)
+        J = poses.hand_jacobian()[:, 3:]
+        step = damped_least_squares(J, GOAL - poses.hand_position, 0.01)
+        step /= np.maximum(np.abs(step).max(axis=1, keepdims=True) / 0.3, 1.0)
+        q = np.clip(q + step, LOWER, UPPER)
+    np.testing.assert_allclose(postures.solve(GOAL, starts)[0], q, atol=1e-9)
 
 
 def test_they_spread_over_the_two_spare_degrees_of_freedom(postures):

@@ -1,0 +1,448 @@
+"""Postures of an arm, their distances on a grid and what paths cost, compiled.
+
+All that is compiled stands in this file (see `compiled`).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from pepper_drake.compiled import compiled
+
+Vector = npt.NDArray[np.float64]
+Floats = npt.NDArray[np.float32]
+Numbers = npt.NDArray[np.int64]
+_ROUNDING = np.float32(3 << 22)
+"""Added to a number below 2²² and taken away again, it leaves the nearest whole one."""
+UNKNOWN, ASKED_FOR, READY = range(3)
+"""States of a grid's node: nothing of it is known, it will be measured next, or it was."""
+
+
+class ArmChain(NamedTuple):
+    """An arm's five joints and its hand as plain arrays.
+
+    Attributes:
+        rotations: (6, 3, 3) of each joint's frame in its parent link, then of the hand in its link.
+        positions: (6, 3) their origins there [m].
+        axis_numbers: (5,) which coordinate axis each joint turns about.
+        senses: (5,) 1 or -1.
+        turned: (6,) whether the rotation is any.
+        rows: (6,) under which number the link after each joint is noted, then the hand; -1 for
+            none.
+    """
+
+    rotations: Vector
+    positions: Vector
+    axis_numbers: Numbers
+    senses: Vector
+    turned: npt.NDArray[np.bool_]
+    rows: Numbers
+
+
+class Spheres(NamedTuple):
+    """Spheres on an arm's links, and on which layer of a grid each is looked up.
+
+    Attributes:
+        link: (S,) number of the link.
+        centers: (S, 3) in its frame [m].
+        radii: (S,) m.
+        layers: (S,).
+    """
+
+    link: Numbers
+    centers: Vector
+    radii: Floats
+    layers: Numbers
+
+
+class GridArrays(NamedTuple):
+    """A `DistanceGrid` of N nodes.
+
+    Attributes:
+        table: (L, N, 4) distances [m] and their changes from node to node along each axis.
+        state: (N,) of the nodes; what the table says holds for those that are ready.
+        lower: (3,) the first node [m].
+        density: Nodes a metre.
+        counts: (3,) number of nodes a side.
+    """
+
+    table: Floats
+    state: npt.NDArray[np.uint8]
+    lower: Vector
+    density: float
+    counts: Numbers
+
+
+class CostNumbers(NamedTuple):
+    """Numbers of `TrajectoryCost`.
+
+    Attributes:
+        hand: (R, 3, N) the references' hand positions [m]; of one for all paths, or of one each.
+        wanted: (R, S, N) clearance wanted of each sphere [m].
+        velocity: (5,) of the joints at most [rad/s].
+        acceleration: (5,) likewise [rad/s²].
+        duration: Of the paths [s].
+        density: 1 / clearance [1/m].
+        weights: (5,) of proximity, slack, deviation, effort and duration.
+    """
+
+    hand: Vector
+    wanted: Floats
+    velocity: Vector
+    acceleration: Vector
+    duration: float
+    density: float
+    weights: Vector
+
+
+@compiled
+def _pose_links(
+    q: Vector,
+    chain: ArmChain,
+    R: Vector,
+    p: Vector,
+    rotations: Vector,
+    positions: Vector,
+    axes: Vector,
+    origins: Vector,
+) -> None:
+    """Takes R, p from the torso's pose to the hand's, and notes all poses on the way."""
+    for k in range(6):
+        C, (x, y, z) = chain.rotations, chain.positions[k]
+        for i in range(3):
+            a, b, c = R[i, 0], R[i, 1], R[i, 2]
+            p[i] += a * x + b * y + c * z
+            if chain.turned[k]:
+                for j in range(3):
+                    R[i, j] = a * C[k, 0, j] + b * C[k, 1, j] + c * C[k, 2, j]
+        if k < 5:
+            number, sense = chain.axis_numbers[k], chain.senses[k]
+            first, second = (number + 1) % 3, (number + 2) % 3
+            cos, sin = math.cos(q[k]), sense * math.sin(q[k])
+            for i in range(3):
+                axes[k, i], origins[k, i] = sense * R[i, number], p[i]
+                a, b = R[i, first], R[i, second]
+                R[i, first], R[i, second] = a * cos + b * sin, b * cos - a * sin
+        row = chain.rows[k]
+        if row >= 0:
+            for i in range(3):
+                positions[row, i] = p[i]
+                for j in range(3):
+                    rotations[row, i, j] = R[i, j]
+
+
+@compiled
+def link_poses(
+    joints: Vector, R_FT: Vector, p_FT: Vector, chain: ArmChain
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """The arrays of `ArmPoses` in a frame F, at joints (M, 5) [rad]."""
+    count, rows = len(joints), chain.rows[5] + 1
+    rotations, positions = np.empty((count, rows, 3, 3)), np.empty((count, rows, 3))
+    axes, origins = np.empty((count, 5, 3)), np.empty((count, 5, 3))
+    R, p = np.empty((3, 3)), np.empty(3)
+    for m in range(count):
+        for i in range(3):
+            p[i] = p_FT[i]
+            for j in range(3):
+                R[i, j] = R_FT[i, j]
+        _pose_links(joints[m], chain, R, p, rotations[m], positions[m], axes[m], origins[m])
+    return rotations, positions, axes, origins
+
+
+@compiled
+def placed_points(rotations: Vector, positions: Vector, link: Numbers, points: Vector) -> Vector:
+    """Points (S, 3) of links (S,) where poses (M, L, ...) put them, (M, S, 3) [m]."""
+    placed = np.empty((len(rotations), len(link), 3))
+    for m in range(len(rotations)):
+        for s in range(len(link)):
+            x, y, z = points[s]
+            for i in range(3):
+                R = rotations[m, link[s], i]
+                placed[m, s, i] = R[0] * x + R[1] * y + R[2] * z + positions[m, link[s], i]
+    return placed
+
+
+@compiled
+def reach_point(
+    target: Vector,
+    joints: Vector,
+    limits: Vector,
+    chain: ArmChain,
+    steps: int,
+    damping: float,
+    largest: float,
+) -> Vector:
+    """Moves postures until their hands are at a point, by damped least squares.
+
+    Args:
+        target: (3,) in T [m].
+        joints: (M, 5) changed [rad].
+        limits: (2, 5) lower and upper, kept by clipping [rad].
+        chain: Of the arm.
+        steps: How many.
+        damping: See `damped_least_squares` [m/rad].
+        largest: Motion of a joint in one step at most [rad].
+
+    Returns:
+        (M,) distances of the hands from the point [m].
+    """
+    left, rows = np.empty(len(joints)), chain.rows[5] + 1
+    R, p, error, J = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty((3, 5))
+    L, z, change = np.empty((3, 3)), np.empty(3), np.empty(5)
+    rotations, positions = np.empty((rows, 3, 3)), np.empty((rows, 3))
+    axes, origins = np.empty((5, 3)), np.empty((5, 3))
+    for m in range(len(joints)):
+        q = joints[m]
+        for step in range(steps + 1):
+            for i in range(3):
+                p[i] = 0.0
+                for j in range(3):
+                    R[i, j] = 1.0 if i == j else 0.0
+            _pose_links(q, chain, R, p, rotations, positions, axes, origins)
+            for i in range(3):
+                error[i] = target[i] - p[i]
+            left[m] = math.sqrt(error[0] ** 2 + error[1] ** 2 + error[2] ** 2)
+            if step == steps:
+                break
+            for k in range(5):
+                u, v, w = axes[k]
+                x, y, c = p[0] - origins[k, 0], p[1] - origins[k, 1], p[2] - origins[k, 2]
+                J[0, k], J[1, k], J[2, k] = v * c - w * y, w * x - u * c, u * y - v * x
+            # J J' + damping² 1 = L L', then J' (L L')⁻¹ error.
+            for i in range(3):
+                z[i] = error[i]
+                for j in range(i + 1):
+                    entry = damping * damping if i == j else 0.0
+                    for k in range(5):
+                        entry += J[i, k] * J[j, k]
+                    for k in range(j):
+                        entry -= L[i, k] * L[j, k]
+                    L[i, j] = math.sqrt(entry) if i == j else entry / L[j, j]
+                for j in range(i):
+                    z[i] -= L[i, j] * z[j]
+                z[i] /= L[i, i]
+            for i in range(2, -1, -1):
+                for j in range(i + 1, 3):
+                    z[i] -= L[j, i] * z[j]
+                z[i] /= L[i, i]
+            most = largest
+            for k in range(5):
+                change[k] = J[0, k] * z[0] + J[1, k] * z[1] + J[2, k] * z[2]
+                most = max(most, abs(change[k]))
+            for k in range(5):
+                moved = q[k] + change[k] / (most / largest)
+                q[k] = min(max(moved, limits[0, k]), limits[1, k])
+    return left
+
+
+@compiled
+def looked_up(points: Vector, layers: Numbers, grid: GridArrays) -> tuple[Floats, Numbers]:
+    """Distances (M, S) [m] at points (M, S, 3), valid if no nodes (K,) are missing, and these."""
+    found, off = np.empty(points.shape[:2], np.float32), np.empty(3, np.float32)
+    missing, count = np.empty(len(grid.state), np.int64), 0
+    table, density = grid.table, np.float32(grid.density)
+    for m in range(points.shape[0]):
+        for s in range(points.shape[1]):
+            node, layer = 0, layers[s]
+            for k in range(3):
+                scaled = np.float32(points[m, s, k] - grid.lower[k]) * density
+                scaled = min(max(scaled, np.float32(0.0)), np.float32(grid.counts[k] - 1))
+                nearest = (scaled + _ROUNDING) - _ROUNDING
+                off[k], node = scaled - nearest, node * grid.counts[k] + int(nearest)
+            distance = table[layer, node, 0] + table[layer, node, 1] * off[0]
+            distance += table[layer, node, 2] * off[1]
+            found[m, s] = distance + table[layer, node, 3] * off[2]
+            if grid.state[node] == UNKNOWN:
+                missing[count], grid.state[node] = node, ASKED_FOR
+                count += 1
+    return found, missing[:count]
+
+
+@compiled
+def not_measured(nodes: Numbers, measured: npt.NDArray[np.bool_], counts: Numbers) -> Numbers:
+    """Those of nodes (K,) and of their neighbours that were not measured; they are from now on."""
+    found, count = np.empty(7 * len(nodes), np.int64), 0
+    for node in nodes:
+        stride = 1
+        for axis in range(2, -1, -1):
+            at = node // stride % counts[axis]
+            for way in range(-1 if at > 0 else 0, 2 if at < counts[axis] - 1 else 1):
+                if not measured[node + way * stride]:
+                    measured[node + way * stride] = True
+                    found[count] = node + way * stride
+                    count += 1
+            stride *= counts[axis]
+    return found[:count]
+
+
+@compiled
+def make_rows(nodes: Numbers, values: Floats, grid: GridArrays) -> None:
+    """Fills in the rows of nodes (K,) from distances (L, N): then they are ready.
+
+    Changes are central differences, per spacing; one-sided ones at the border.
+    """
+    for node in nodes:
+        stride = 1
+        for axis in range(2, -1, -1):
+            at = node // stride % grid.counts[axis]
+            low = node - stride if at > 0 else node
+            high = node + stride if at < grid.counts[axis] - 1 else node
+            share = np.float32(0.5 if high - low == 2 * stride else 1.0)
+            for layer in range(len(values)):
+                change = values[layer, high] - values[layer, low]
+                grid.table[layer, node, axis + 1] = share * change
+                grid.table[layer, node, 0] = values[layer, node]
+            stride *= grid.counts[axis]
+        grid.state[node] = READY
+
+
+@compiled
+def _pose_path(
+    cos: Vector, sin: Vector, chain: ArmChain, R: Vector, rotations: Vector, positions: Vector
+) -> None:
+    """Does what `_pose_links` does for N postures (5, N) at once: one operation, all postures.
+
+    Poses are (L, 3, 3, N) and (L, 3, N), those of the hand last; R (3, 3, N) is for the work.
+    """
+    count, hand = cos.shape[1], chain.rows[5]
+    p = positions[hand]
+    for i in range(3):
+        for n in range(count):
+            p[i, n] = 0.0
+            for j in range(3):
+                R[i, j, n] = 1.0 if i == j else 0.0
+    for k in range(6):
+        x, y, z = chain.positions[k, 0], chain.positions[k, 1], chain.positions[k, 2]
+        for i in range(3):
+            q, a, b, c = p[i], R[i, 0], R[i, 1], R[i, 2]
+            for n in range(count):
+                q[n] += a[n] * x + b[n] * y + c[n] * z
+            if chain.turned[k]:
+                C = chain.rotations[k]
+                for n in range(count):
+                    u, v, w = a[n], b[n], c[n]
+                    a[n] = u * C[0, 0] + v * C[1, 0] + w * C[2, 0]
+                    b[n] = u * C[0, 1] + v * C[1, 1] + w * C[2, 1]
+                    c[n] = u * C[0, 2] + v * C[1, 2] + w * C[2, 2]
+        if k < 5:
+            number, sense, turn, lift = chain.axis_numbers[k], chain.senses[k], cos[k], sin[k]
+            for i in range(3):
+                first, second = R[i, (number + 1) % 3], R[i, (number + 2) % 3]
+                for n in range(count):
+                    u, v, w = first[n], second[n], sense * lift[n]
+                    first[n] = u * turn[n] + v * w
+                    second[n] = v * turn[n] - u * w
+        row = chain.rows[k]
+        for i in range(3 if row >= 0 else 0):
+            for n in range(count):
+                positions[row, i, n] = p[i, n]
+                for j in range(3):
+                    rotations[row, i, j, n] = R[i, j, n]
+
+
+@compiled
+def rate_paths(
+    paths: Vector,
+    cos: Vector,
+    sin: Vector,
+    cost: Vector,
+    slack: Floats,
+    chain: ArmChain,
+    spheres: Spheres,
+    grid: GridArrays,
+    numbers: CostNumbers,
+) -> Numbers:
+    """Rates paths (K, 5, N) whose cost (K,) is NaN; see `TrajectoryCost`.
+
+    A path that needs nodes of the grid that are not ready keeps the NaN. Loops over the N samples
+    of a path do little each, so that the processor takes several samples at once.
+
+    Args:
+        paths: Of the joints [rad].
+        cos: (K, 5, N) their cosines.
+        sin: (K, 5, N) their sines.
+        cost: Is filled in.
+        slack: (K,) likewise [m].
+        chain: Of the arm.
+        spheres: On its links.
+        grid: Distances in T.
+        numbers: Weights, limits, and what the paths are compared with.
+
+    Returns:
+        The nodes (M,) that are missing.
+    """
+    missing, found = np.empty(len(grid.state), np.int64), 0
+    samples, rows = paths.shape[2], chain.rows[5] + 1
+    weights, spans, state, table = numbers.weights, samples - 1.0, grid.state, grid.table
+    R, rotations = np.empty((3, 3, samples)), np.empty((rows, 3, 3, samples))
+    positions, place = np.empty((rows, 3, samples)), np.empty(samples, np.float32)
+    offs, node = np.empty((3, samples), np.float32), np.empty(samples, np.float32)
+    density, scale = np.float32(grid.density), np.float32(numbers.density)
+    for k in range(len(paths)):
+        if not math.isnan(cost[k]):
+            continue
+        reference = min(k, len(numbers.hand) - 1)
+        effort, excess = 0.0, 0.0
+        for joint in range(5):
+            path, fastest, strongest = paths[k, joint], 0.0, 0.0
+            for n in range(1, samples):
+                rate = path[n] - path[n - 1]
+                fastest = max(fastest, abs(rate))
+                if n > 1:
+                    bend = rate - (path[n - 1] - path[n - 2])
+                    effort += bend * bend
+                    strongest = max(strongest, abs(bend))
+            strongest = math.sqrt(strongest / numbers.acceleration[joint]) * spans
+            excess = max(excess, fastest / numbers.velocity[joint] * spans, strongest)
+        _pose_path(cos[k], sin[k], chain, R, rotations, positions)
+        deviation = 0.0
+        for i in range(3):
+            own, other = positions[rows - 1, i], numbers.hand[reference, i]
+            for n in range(samples):
+                deviation += (own[n] - other[n]) ** 2
+        proximity, most, is_known = 0.0, -np.float32(np.inf), True
+        for s in range(len(spheres.link)):
+            link, layer, radius = spheres.link[s], spheres.layers[s], spheres.radii[s]
+            x, y, z = spheres.centers[s, 0], spheres.centers[s, 1], spheres.centers[s, 2]
+            for n in range(samples):
+                node[n] = 0.0
+            for i in range(3):
+                p, off = positions[link, i], offs[i]
+                a, b, c = rotations[link, i, 0], rotations[link, i, 1], rotations[link, i, 2]
+                lower, nodes = grid.lower[i], np.float32(grid.counts[i])
+                last = nodes - np.float32(1.0)
+                for n in range(samples):
+                    place[n] = np.float32(p[n] + (a[n] * x + b[n] * y + c[n] * z) - lower)
+                for n in range(samples):
+                    scaled = place[n] * density
+                    scaled = scaled if scaled > np.float32(0.0) else np.float32(0.0)
+                    scaled = scaled if scaled < last else last
+                    nearest = (scaled + _ROUNDING) - _ROUNDING
+                    off[n] = scaled - nearest
+                    node[n] = node[n] * nodes + nearest
+            wanted, u, v, w = numbers.wanted[reference, s], offs[0], offs[1], offs[2]
+            rows_of_layer = table[layer]
+            for n in range(samples):
+                number = np.int64(node[n])
+                if state[number] != READY:
+                    if state[number] == UNKNOWN:
+                        missing[found], state[number] = number, ASKED_FOR
+                        found += 1
+                    is_known = False
+                    continue
+                distance = rows_of_layer[number, 0] + rows_of_layer[number, 1] * u[n]
+                distance += rows_of_layer[number, 2] * v[n]
+                distance += rows_of_layer[number, 3] * w[n]
+                lack = wanted[n] - (distance - radius)
+                most = max(most, lack)
+                lack = max(lack, np.float32(0.0)) * scale
+                proximity += lack * lack
+        if is_known:
+            slack[k] = -most
+            cost[k] = weights[0] * proximity / samples + weights[1] * max(most, 0.0)
+            cost[k] += weights[2] * deviation / samples
+            cost[k] += weights[3] * effort * (spans / numbers.duration) ** 4 / samples
+            cost[k] += weights[4] * max(excess / numbers.duration - 1.0, 0.0)
+    return missing[:found]
