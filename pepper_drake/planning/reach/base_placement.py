@@ -259,8 +259,9 @@ class BasePlacementPlanner:
         """Yields plans from several places, the most promising first.
 
         With adaptation the first of the usual places is tried with the demonstrated movement, and
-        adapted to; then those of the others with the cheapest goal configurations; and if there is
-        no path from any, those of the wide candidates.
+        adapted to; then those of the others with the cheapest goal configurations; if there is no
+        path from any, those of the wide candidates; and then the path planner is asked for each of
+        these.
         """
         evaluator, far_allowance = self._evaluator, self._evaluator.params.far_allowance
         if evaluator.adapter is None:
@@ -287,8 +288,11 @@ class BasePlacementPlanner:
                 for plan in evaluator.adapted(scene, plan=False, allowance=allowance):
                     found |= self._is_clear_from_near(plan)
                     yield plan
-        for scene in easiest[:1] if not found else ():
-            yield from evaluator.adapted(scene)
+        for scene in easiest if not found else ():
+            for plan in evaluator.adapted(scene):
+                yield plan
+                if evaluator.is_good(plan):
+                    return
 
     def _easiest(self, scenes: Iterator[PlanningScene], allowance: float) -> list[PlanningScene]:
         """Returns the few with the cheapest clear goal configurations, the cheapest first."""
