@@ -158,6 +158,9 @@ class ReachPlannerParams:
     """Duration, in those of the demonstration, up to which a plan is taken at once."""
     places_adapted: int = 4
     """Base placements for which the movement is adapted at most."""
+    places_planned: int = 20
+    """Base placements for which the path planner is asked at most, if no movement can be adapted:
+    each costs 0.1 s of a processor."""
     places_searched: int = 40
     """Base placements that are ranked, where none of the usual ones will do."""
 
