@@ -52,10 +52,6 @@ class ReachReplanner:
         assert plan is not None
         has_waited = self._has_waited(state, time)
         new = self._new_obstacle(state, observation)
-        if state.suspended_plan is not None and len(new):
-            # The head looks at what the arm waits for: unseen, it would not be seen to leave.
-            x, y, z = new.mean(axis=0)
-            state = replace(state, look_at=(x, y, z))
         if has_waited and self._stands(state, observation):
             # An obstacle that has stood there for so long is not new any more.
             known = observation if state.planned_with is None else state.planned_with
@@ -64,6 +60,11 @@ class ReachReplanner:
         is_under_way = state.suspended_plan is None
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
+        if len(new) and not is_under_way:
+            # The head looks at what the arm waits for: unseen, it would not be seen to leave.
+            near = cKDTree(rest.p_WA).query(new)[0]
+            x, y, z = new[int(np.argmin(near))]
+            state = replace(state, look_at=(x, y, z))
         if is_under_way:
             # What came and is predicted nowhere else stands.
             moving = new if len(observation.predicted_cloud) else new[:0]
@@ -95,6 +96,9 @@ class ReachReplanner:
             ):
                 return state.later(Pending(due, Effect.MOVEMENT, detour))
             state = replace(state, checked=time)
+            if detour.status == PlanStatus.NOT_SEEN:
+                x, y, z = detour.unseen.mean(axis=0)
+                state = replace(state, look_at=(x, y, z))
         if state.suspended_plan is None or has_waited:
             state = replace(state, waits_with=observation)
         return self._retreat(state, plan, reach, seen.with_arm(start), due)
