@@ -127,12 +127,10 @@ class RemainingClearance(NamedTuple):
     Attributes:
         times: (N,) from now on [s].
         distances: (N,) of the arm to obstacles, infinite where nothing is near [m].
-        p_WA: (S, 3) points of the arm where it comes nearest to obstacles, in W [m].
     """
 
     times: Vector
     distances: Vector
-    p_WA: Vector
 
     @property
     def least(self) -> float:

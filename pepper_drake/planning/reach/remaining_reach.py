@@ -25,11 +25,7 @@ def remaining_clearance(
     scene = evaluator.scenes(observation)
     rest = path_ahead(plan, observation)[::_STRIDE]
     times = (_STRIDE * plan.time_step) * np.arange(len(rest), dtype=float)
-    distances = scene.checker.distances(rest)
-    centers = evaluator.kinematics.sphere_centers_at(rest[[int(np.argmin(distances))]])[0]
-    X_WT = observation.X_WO @ scene.X_TO.inverse()
-    p_WA = centers @ X_WT.rotation().matrix().T + X_WT.translation()
-    return RemainingClearance(times, distances, p_WA)
+    return RemainingClearance(times, scene.checker.distances(rest))
 
 
 def replan(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation) -> ReachPlan:

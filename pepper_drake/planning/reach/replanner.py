@@ -52,6 +52,10 @@ class ReachReplanner:
         assert plan is not None
         has_waited = self._has_waited(state, time)
         new = self._new_obstacle(state, observation)
+        if state.suspended_plan is not None and len(new):
+            # The head looks at what the arm waits for: unseen, it would not be seen to leave.
+            x, y, z = new.mean(axis=0)
+            state = replace(state, look_at=(x, y, z))
         if has_waited and self._stands(state, observation):
             # An obstacle that has stood there for so long is not new any more.
             known = observation if state.planned_with is None else state.planned_with
@@ -60,11 +64,6 @@ class ReachReplanner:
         is_under_way = state.suspended_plan is None
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
-        if len(new) and not is_under_way:
-            # The head looks at what the arm waits for: unseen, it would not be seen to leave.
-            near = cKDTree(rest.p_WA).query(new)[0]
-            x, y, z = new[int(np.argmin(near))]
-            state = replace(state, look_at=(x, y, z))
         if is_under_way:
             # What came and is predicted nowhere else stands.
             moving = new if len(observation.predicted_cloud) else new[:0]

@@ -68,9 +68,6 @@ def path_plan(clearance: float = 0.02) -> ReachPlan:
     )
 
 
-P_WA = np.array([[0.8, -0.3, 0.8]])
-"""A point of the arm where the rest of a path comes nearest to obstacles."""
-
 STALE = StaleSpace((0.9, -0.3, 0.8), 0.5, 0.5)
 """Space on the way that was not seen lately."""
 
@@ -140,12 +137,11 @@ class ScriptedPlanner:
         self.asked.append(("remaining_clearance", observation))
         if self.distances:
             times = np.array(list(self.distances))
-            return RemainingClearance(times, np.array(list(self.distances.values())), P_WA)
+            return RemainingClearance(times, np.array(list(self.distances.values())))
         far = max(self.ahead, 0.1)
         return RemainingClearance(
             np.array([0.0, self.ahead_from]),
             np.array([self.ahead if self.ahead_from == 0.0 else far, self.ahead]),
-            P_WA,
         )
 
     def stale_space(

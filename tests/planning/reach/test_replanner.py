@@ -13,7 +13,6 @@ from tests.planning.reach.scripted_planner import (
     CLOUD,
     NO_DETOUR,
     P_TG,
-    P_WA,
     STALE,
     TIMING,
     X_WO,
@@ -344,16 +343,6 @@ def test_the_head_looks_at_what_the_arm_waits_for():
     np.testing.assert_allclose(one.state.look_at, BESIDE, atol=0.01)
     one.set(cloud=CLOUD).advance(0.2)
     np.testing.assert_allclose(one.state.look_at, BESIDE, atol=0.01)
-
-
-def test_of_all_that_came_the_head_looks_at_what_is_nearest_to_the_way_on():
-    one = on_its_way(ahead=0.0, detour=NO_DETOUR)
-    far, near = (P_WA + off + 0.005 * np.eye(3).repeat(4, axis=0) for off in (0.2, 0.05))
-    one.set(cloud=np.concatenate((CLOUD, far, near)))
-    one.image_time = None
-    one.advance(1.0)
-    assert one.state.suspended_plan is not None
-    np.testing.assert_allclose(one.state.look_at, P_WA[0] + 0.05, atol=0.01)
 
 
 def test_an_arm_that_waits_looks_at_what_was_not_seen_of_the_way_on():
