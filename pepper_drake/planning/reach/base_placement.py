@@ -259,8 +259,9 @@ class BasePlacementPlanner:
         """Yields plans from several places, the most promising first.
 
         With adaptation the first of the usual places is tried with the demonstrated movement, and
-        adapted to; then those of the others with the cheapest goal configurations; and if there is
-        no path from any, those of the wide candidates.
+        adapted to; then those of the others with the cheapest goal configurations; if there is no
+        path from any, those of the wide candidates; and then the path planner is asked for more of
+        these.
         """
         evaluator, far_allowance = self._evaluator, self._evaluator.params.far_allowance
         if evaluator.adapter is None:
@@ -278,23 +279,25 @@ class BasePlacementPlanner:
         ):
             found |= self._is_clear_from_near(plan)
             yield plan
-        easiest: list[PlanningScene] = []
+        params, easiest = evaluator.params, list[PlanningScene]()
         for scenes, allowance in ((usual, far_allowance), (wide, 0.0)):
             if scenes is wide and found:
                 return
             easiest = self._easiest(scenes, allowance)
-            for scene in easiest:
+            for scene in easiest[: params.places_adapted]:
                 for plan in evaluator.adapted(scene, plan=False, allowance=allowance):
                     found |= self._is_clear_from_near(plan)
                     yield plan
-        for scene in easiest[:1] if not found else ():
-            yield from evaluator.adapted(scene)
+        for scene in () if found else easiest[: params.places_planned]:
+            for plan in evaluator.adapted(scene, bend=False):
+                yield plan
+                if evaluator.is_good(plan):
+                    return
 
     def _easiest(self, scenes: Iterator[PlanningScene], allowance: float) -> list[PlanningScene]:
-        """Returns the few with the cheapest clear goal configurations, the cheapest first."""
+        """Returns those with a clear goal configuration, the one with the cheapest first."""
         ease = [(self._ease(one, allowance), number, one) for number, one in enumerate(scenes)]
-        easiest = sorted(item for item in ease if np.isfinite(item[0]))
-        return [scene for _, _, scene in easiest[: self._evaluator.params.places_adapted]]
+        return [scene for cost, _, scene in sorted(ease) if np.isfinite(cost)]
 
     def _ease(self, scene: PlanningScene, allowance: float) -> float:
         """Returns the least cost of a clear goal configuration; infinite if there is none."""

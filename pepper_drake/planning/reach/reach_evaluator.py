@@ -97,6 +97,7 @@ class ReachEvaluator:
         scene: PlanningScene,
         simulated: Vector | None = None,
         *,
+        bend: bool = True,
         plan: bool = True,
         allowance: float = 0.0,
     ) -> Iterator[ReachPlan]:
@@ -106,6 +107,7 @@ class ReachEvaluator:
             scene: The planning scene.
             simulated: (K, 5) joints of the movement without adaptation [rad], one more path to
                 start from.
+            bend: Whether demonstrations are adapted; else a path planner alone is asked.
             plan: Whether a path planner is asked where no demonstration can be adapted.
             allowance: By how much the clearance may fall short [m].
         """
@@ -113,7 +115,13 @@ class ReachEvaluator:
             return
         X_TG = scene.X_TO @ self.demonstrated.X_OG
         path = self.adapter.adapt(
-            scene.arm.position, X_TG, scene.checker, simulated, plan=plan, allowance=allowance
+            scene.arm.position,
+            X_TG,
+            scene.checker,
+            simulated,
+            bend=bend,
+            plan=plan,
+            allowance=allowance,
         )
         if path is not None and path.slack > -self.params.clearance.optimise:
             yield self.evaluate(scene, self.movement_along(scene, path), allowance)

@@ -157,6 +157,9 @@ class ReachPlannerParams:
     """Duration relative to the demonstration's up to which a plan is taken without comparison."""
     places_adapted: int = 4
     """Base placements for which the movement is adapted at most."""
+    places_planned: int = 20
+    """Base placements for which the path planner is asked at most, if no movement can be adapted:
+    each costs 0.1 s of a processor."""
     places_searched: int = 40
     """Number of base placements that are ranked if none of the usual ones is good enough."""
 

@@ -95,6 +95,9 @@ class ReachReplanner:
             ):
                 return state.later(Pending(due, Effect.MOVEMENT, detour))
             state = replace(state, checked=time)
+            if detour.status == PlanStatus.NOT_SEEN:
+                x, y, z = detour.unseen.mean(axis=0)
+                state = replace(state, look_at=(x, y, z))
         if state.suspended_plan is None or has_waited:
             state = replace(state, waits_with=observation)
         return self._retreat(state, plan, reach, seen.with_arm(start), due)

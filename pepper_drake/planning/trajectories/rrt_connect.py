@@ -1,8 +1,9 @@
 """RRT-Connect: a way for the arm where bending a demonstration finds none.
 
-Kuffner and LaValle 2000, doi:10.1109/ROBOT.2000.844730. Whole motions are checked at once, which
-for a check that is arithmetic on arrays is many times as fast as one posture after the other, and
-the random numbers are the call's own: the same call finds the same way.
+Kuffner and LaValle 2000, doi:10.1109/ROBOT.2000.844730. A tree grows towards many random postures
+at once, and all of these motions are checked at once: for a check that is arithmetic on arrays that
+is many times as fast as one motion after the other. The random numbers are the call's own: the same
+call finds the same way.
 """
 
 from collections.abc import Callable
@@ -12,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 Vector = npt.NDArray[np.float64]
-Free = Callable[[Vector], npt.NDArray[np.bool_]]
+Mask = npt.NDArray[np.bool_]
+Free = Callable[[Vector], Mask]
 """Says which of some postures (M, 5) are free, (M,)."""
 
 
@@ -20,8 +22,10 @@ Free = Callable[[Vector], npt.NDArray[np.bool_]]
 class RrtConnectParams:
     """Size of the search."""
 
-    samples: int = 800
+    samples: int = 9600
     """Random postures at most."""
+    batch: int = 96
+    """Random postures towards which a tree grows at once."""
     step: float = 0.4
     """Longest motion by which a tree grows at once [rad]."""
     resolution: float = 0.05
@@ -31,27 +35,28 @@ class RrtConnectParams:
 
 
 class _Tree:
-    """Postures, and from which other each was reached."""
+    """Postures (N, 5), and from which other each was reached."""
 
     def __init__(self, roots: Vector) -> None:
-        self.postures = [*roots]
-        self.parents = [-1] * len(roots)
+        self.postures = roots
+        self._parents = np.full(len(roots), -1)
 
-    def nearest(self, posture: Vector) -> int:
-        return int(np.argmin(np.sum((np.array(self.postures) - posture) ** 2, axis=1)))
+    def nearest(self, targets: Vector) -> npt.NDArray[np.intp]:
+        """Indices (M,) of the nearest postures to some targets (M, 5)."""
+        squares = np.sum(self.postures**2, axis=1)
+        return np.argmin(squares - 2.0 * targets @ self.postures.T, axis=1)
 
-    def add(self, posture: Vector, parent: int) -> int:
-        self.postures.append(posture)
-        self.parents.append(parent)
-        return len(self.postures) - 1
+    def add(self, postures: Vector, parents: npt.NDArray[np.intp]) -> None:
+        self.postures = np.concatenate((self.postures, postures))
+        self._parents = np.concatenate((self._parents, parents))
 
-    def way(self, index: int) -> list[Vector]:
-        """From a posture back to the root."""
-        postures = []
+    def way(self, index: int) -> Vector:
+        """From the root to a posture (K, 5)."""
+        indices = []
         while index >= 0:
-            postures.append(self.postures[index])
-            index = self.parents[index]
-        return postures
+            indices.append(index)
+            index = int(self._parents[index])
+        return self.postures[indices[::-1]]
 
 
 def rrt_connect(
@@ -80,46 +85,59 @@ def rrt_connect(
     """
     rng = np.random.default_rng(seed)
 
-    def clear(one: Vector, other: Vector) -> bool:
-        count = int(np.ceil(np.abs(other - one).max() / params.resolution))
-        shares = np.arange(1, count)[:, None] / max(count, 1)
-        return count < 2 or bool(free(one + shares * (other - one)).all())
+    def clear(ones: Vector, others: Vector) -> Mask:
+        """Which straight motions between postures (M, 5) are free in between."""
+        count = int(np.ceil(np.abs(others - ones).max(initial=0.0) / params.resolution))
+        if count < 2 or not len(ones):
+            return np.ones(len(ones), dtype=bool)
+        shares = np.arange(1, count)[:, None, None] / count
+        between = ones + shares * (others - ones)
+        is_free = free(between.reshape(-1, len(start))).reshape(count - 1, -1)
+        return np.asarray(is_free.all(axis=0))
 
-    def extend(tree: _Tree, target: Vector) -> tuple[int, bool] | None:
-        """Grows a tree by one motion: the new posture, and whether it is the target."""
-        index = tree.nearest(target)
-        near = tree.postures[index]
-        length = float(np.linalg.norm(target - near))
-        there = length <= params.step
-        following = target if there else near + params.step / length * (target - near)
-        if not free(following[None])[0] or not clear(near, following):
-            return None
-        return tree.add(following, index), there
+    def extend(tree: _Tree, targets: Vector) -> tuple[npt.NDArray[np.intp], Vector, Mask]:
+        """Grows a tree by one motion towards each target (M, 5).
+
+        Returns:
+            Which targets it got on to, the new postures, and whether each is its target.
+        """
+        parents = tree.nearest(targets)
+        near = tree.postures[parents]
+        off = targets - near
+        length = np.linalg.norm(off, axis=1, keepdims=True)
+        there = length[:, 0] <= params.step
+        ends = np.where(
+            there[:, None], targets, near + params.step / np.maximum(length, 1e-9) * off
+        )
+        grown = np.flatnonzero(free(ends))
+        grown = grown[clear(near[grown], ends[grown])]
+        tree.add(ends[grown], parents[grown])
+        return grown, ends[grown], there[grown]
 
     trees = [_Tree(start[None]), _Tree(goals)]
-    for number in range(params.samples):
+    for number in range(-(-params.samples // params.batch)):
         growing, other = trees[number % 2], trees[1 - number % 2]
-        grown = extend(growing, rng.uniform(lower, upper))
-        if grown is None:
-            continue
-        target = growing.postures[grown[0]]
-        reached = extend(other, target)
-        while reached is not None and not reached[1]:
-            reached = extend(other, target)
-        if reached is not None:
-            from_start, from_goal = (
-                (growing.way(grown[0]), other.way(reached[0]))
-                if number % 2 == 0
-                else (other.way(reached[0]), growing.way(grown[0]))
-            )
-            path = np.array(from_start[::-1] + from_goal[1:])
-            return _shortened(path, clear, rng, params.shortcuts)
+        _, targets, _ = extend(growing, rng.uniform(lower, upper, (params.batch, len(start))))
+        # From here on these are followed by the other tree, each until something is in its way.
+        indices = np.arange(len(growing.postures) - len(targets), len(growing.postures))
+        while len(targets):
+            kept, _, there = extend(other, targets)
+            if there.any():
+                first = int(np.argmax(there))
+                meeting = (
+                    growing.way(int(indices[kept[first]])),
+                    other.way(len(other.postures) - len(kept) + first),
+                )
+                ahead, behind = meeting if number % 2 == 0 else meeting[::-1]
+                path = np.concatenate((ahead, behind[-2::-1]))
+                return _shortened(path, clear, rng, params.shortcuts)
+            targets, indices = targets[kept], indices[kept]
     return None
 
 
 def _shortened(
     path: Vector,
-    clear: Callable[[Vector, Vector], bool],
+    clear: Callable[[Vector, Vector], Mask],
     rng: np.random.Generator,
     attempts: int,
 ) -> Vector:
@@ -136,6 +154,6 @@ def _shortened(
             path[k - 1] + (at - way[k - 1]) / (way[k] - way[k - 1]) * (path[k] - path[k - 1])
             for k, at in ((i, first), (min(j, len(path) - 1), last))
         )
-        if clear(a, b):
+        if clear(a[None], b[None])[0]:
             path = np.concatenate((path[:i], [a, b], path[j:]))
     return path

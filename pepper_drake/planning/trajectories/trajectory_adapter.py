@@ -102,6 +102,7 @@ class TrajectoryAdapter:
         checker: ArmCollisionChecker,
         rollout: Vector | None = None,
         *,
+        bend: bool = True,
         plan: bool = True,
         allowance: float = 0.0,
     ) -> AdaptedTrajectory | None:
@@ -113,19 +114,22 @@ class TrajectoryAdapter:
                 that can be had.
             checker: Distances of the arm to obstacles.
             rollout: (K, 5) what the demonstration alone would make of it, one more to start from.
+            bend: Whether demonstrations are bent; else the path planner alone is asked.
             plan: Whether a path planner is asked where no demonstration can be bent to a way.
             allowance: How much less clearance than otherwise is enough at the goal [m].
 
         Returns:
             The best path found, whether it is clear or not; None if no clear posture reaches the
-            goal.
+            goal, or the planner finds no path.
         """
         demonstrations = self._demonstrations
         if rollout is not None:
             # What the barrier and the limits did to it leaves it jerky.
             own = smoothed(smoothed(resampled(rollout, self.params.samples)))[None]
             demonstrations = np.concatenate((own, demonstrations))
-        return self._adapt(start, X_TG, checker, demonstrations, self._duration, plan, allowance)
+        return self._adapt(
+            start, X_TG, checker, demonstrations, self._duration, plan, allowance, bend
+        )
 
     def adapt_remaining(
         self,
@@ -156,17 +160,20 @@ class TrajectoryAdapter:
         duration: float,
         plan: bool,
         allowance: float = 0.0,
+        bend: bool = True,
     ) -> AdaptedTrajectory | None:
         goals, discomfort = self.goal_postures(X_TG, checker, demonstrations[:, -1], allowance)
         if not len(goals):
             return None
-        shape = len(demonstrations), len(goals)
-        origins, ends = (index.ravel() for index in np.indices(shape))
         lower, upper = np.minimum(self._lower, start), np.maximum(self._upper, start)
-        paths = retarget(demonstrations[origins], start, goals[ends]).clip(lower, upper)
-        cost = self._rate(paths, checker, duration)(paths).cost + discomfort[ends, origins]
-        chosen = _different(paths, cost, self.params.candidates)
-        references = [(paths[number], int(origins[number])) for number in chosen]
+        references: list[tuple[Vector, int]] = []
+        if bend:
+            shape = len(demonstrations), len(goals)
+            origins, ends = (index.ravel() for index in np.indices(shape))
+            paths = retarget(demonstrations[origins], start, goals[ends]).clip(lower, upper)
+            cost = self._rate(paths, checker, duration)(paths).cost + discomfort[ends, origins]
+            chosen = _different(paths, cost, self.params.candidates)
+            references = [(paths[number], int(origins[number])) for number in chosen]
         best: AdaptedTrajectory | None = None
         for number, (reference, origin) in enumerate(
             itertools.chain(references, self._planned(start, goals, checker) if plan else ()),

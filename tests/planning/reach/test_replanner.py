@@ -5,6 +5,7 @@ import pytest
 
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.trajectories.retreat import NewObstacleParams
 from tests.planning.reach.scripted_planner import (
@@ -342,3 +343,13 @@ def test_the_head_looks_at_what_the_arm_waits_for():
     np.testing.assert_allclose(one.state.look_at, BESIDE, atol=0.01)
     one.set(cloud=CLOUD).advance(0.2)
     np.testing.assert_allclose(one.state.look_at, BESIDE, atol=0.01)
+
+
+def test_an_arm_that_waits_looks_at_what_was_not_seen_of_the_way_on():
+    one = waiting()
+    unseen = np.array([[0.7, -0.3, 0.9], [0.7, -0.2, 0.9]])
+    one.planner.ahead = 0.02
+    not_seen = replace(NO_DETOUR, status=PlanStatus.NOT_SEEN, unseen=unseen)
+    one.planner.detour = one.planner.reach = not_seen
+    one.look().advance(LATENCY.plan).look()
+    np.testing.assert_allclose(one.state.look_at, [0.7, -0.25, 0.9])

@@ -64,3 +64,18 @@ def test_where_there_is_no_way_it_finds_none():
 
 def test_the_same_call_finds_the_same_way():
     np.testing.assert_array_equal(plan(wall_with_a_door), plan(wall_with_a_door))
+
+
+def test_all_motions_of_a_batch_are_checked_at_once():
+    asked = []
+
+    def free(q):
+        asked.append(len(q))
+        return wall_with_a_door(q)
+
+    assert plan(free, batch=64, shortcuts=0) is not None
+    assert max(asked) > 64
+    # Two questions for each growth of a tree, however many motions it has.
+    alone = []
+    assert plan(lambda q: alone.append(1) or wall_with_a_door(q), batch=1, shortcuts=0) is not None
+    assert len(asked) < len(alone)
