@@ -49,12 +49,13 @@ class _Immediately(Executor):
         return future
 
 
-_IMMEDIATELY = _Immediately()
+IMMEDIATELY = _Immediately()
+"""The executor that does at once, on the calling thread, what it is asked for."""
 
 
 def completed_image(pixels: Pixels) -> ImageFuture:
     """Wraps pixels (height, width, channels) that are there already."""
-    return ImageFuture(_IMMEDIATELY.submit(lambda: pixels), _IMMEDIATELY)
+    return ImageFuture(IMMEDIATELY.submit(lambda: pixels), IMMEDIATELY)
 
 
 def empty_image() -> ImageFuture:

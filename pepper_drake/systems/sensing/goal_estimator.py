@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 from pydrake.systems.sensors import ImageRgba8U
 
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP, CameraIntrinsics
+from pepper_drake.perception.cameras.image_future import IMMEDIATELY
 from pepper_drake.perception.goal.detection import MarkedObject, detect_goal
 from pepper_drake.perception.goal.imm_filter import (
     GoalFilterParameters,
@@ -27,12 +27,6 @@ from pepper_drake.systems.framework import LeafSystem
 
 _THUMBNAIL_STEP = 7
 """Images are told apart by every seventh pixel of every seventh row."""
-
-
-@functools.cache
-def _worker() -> ThreadPoolExecutor:
-    """The thread on which images are looked at while the simulation goes on."""
-    return ThreadPoolExecutor(1, thread_name_prefix="goal estimator")
 
 
 @dataclass(frozen=True)
@@ -109,8 +103,8 @@ class GoalEstimator(LeafSystem):
     (2) [s] are those of the newest image of the top and of the bottom camera that was not passed
     over; infinite before the first.
 
-    A measurement counts `latency` after its image was looked at: so long the work may take, on a
-    thread of its own while the simulation goes on. What it finds does not depend on how fast it is.
+    A measurement counts `latency` after its image was looked at: so long the work may take, on the
+    executor's thread while the simulation goes on. What it finds does not depend on how fast it is.
 
     State: filter and last images (abstract). Event: one periodic unrestricted update.
 
@@ -124,6 +118,7 @@ class GoalEstimator(LeafSystem):
         offset: Time of the first look [s]; after the cameras', so that an image taken in the same
             period is used in it.
         latency: How long it takes to look at an image [s]; at zero the simulation waits.
+        executor: Looks at the images; if left out, the simulation waits for each.
         expects_noise: Whether equal images mean that the camera hangs; set to False only when the
             images are rendered without noise.
 
@@ -166,9 +161,11 @@ class GoalEstimator(LeafSystem):
         period: float = 0.02,
         offset: float = 0.01,
         latency: float = 0.0,
+        executor: Executor = IMMEDIATELY,
         expects_noise: bool = True,
     ) -> None:
         super().__init__()
+        self._executor = executor
         self.marked = marked
         self._parameters = GoalFilterParameters() if parameters is None else parameters
         self._marker = marker
@@ -250,7 +247,7 @@ class GoalEstimator(LeafSystem):
             return used
         track = memory.goal.track
         is_recent = track is not None and memory.goal.age(time) <= self._parameters.hold_seconds
-        measurement = _worker().submit(
+        measurement = self._executor.submit(
             detect_goal,
             image.copy(),  # The port's own changes with the next.
             time,
