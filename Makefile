@@ -26,6 +26,8 @@ faults: $(STAMP) ## Inject every fault into whole reaches; writes docs/faults.md
 # stay together, as they share what it builds.
 test: export OMP_NUM_THREADS = 1
 test: export LP_NUM_THREADS = 1
+# The processes that tests start find what others have compiled.
+test: export PYTHONDONTWRITEBYTECODE =
 test: export PEPPER_SCREENSHOTS = $(CURDIR)/out/screenshots
 test: $(STAMP) ## Run the tests. ARGS="-k name" picks some.
 	@sh scripts/browser.sh

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pepper_drake import __main__, cli
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -49,11 +51,11 @@ def test_an_unknown_name_is_answered_with_those_there_are(tmp_path):
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
-def test_completion_knows_names_and_options(tmp_path, shell):
+def test_completion_knows_names_and_options(monkeypatch, capsys, shell):
     pytest.importorskip("shtab", reason="completion is an extra")
-    ran = command("completion", shell, cwd=tmp_path)
-    assert ran.returncode == 0, ran.stderr
-    assert "--random-scene" in ran.stdout
+    monkeypatch.setattr(sys, "argv", ["pepper-drake", "completion", shell])
+    assert __main__.main() == cli.EXIT_DONE
+    assert "--random-scene" in capsys.readouterr().out
 
 
 @pytest.fixture(scope="module")

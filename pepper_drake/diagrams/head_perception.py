@@ -1,5 +1,7 @@
 """Perception with the head: goal object, obstacle clouds and gaze."""
 
+import weakref
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -233,6 +235,8 @@ class HeadPerception(Diagram):
         cameras = HEAD_CAMERA_MODELS | calibrated_cameras(station.config.calibration)
         stereo = station.config.stereo
         obstacles = self._config.stereo_obstacles if stereo else self._config.obstacles
+        executor = ThreadPoolExecutor(1, thread_name_prefix="goal estimator")
+        weakref.finalize(self, executor.shutdown, wait=False).atexit = False
         estimator = builder.AddNamedSystem(
             "goal_estimator",
             GoalEstimator(
@@ -243,6 +247,7 @@ class HeadPerception(Diagram):
                 marker=self._config.marker,
                 period=self._config.image_poll_period,
                 latency=self._config.goal_latency,
+                executor=executor,
                 expects_noise=station.config.noise,
             ),
         )

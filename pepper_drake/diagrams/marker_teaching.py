@@ -5,12 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import MakeRenderEngineVtk, RenderEngineVtkParams, SceneGraph
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
-from pydrake.systems.sensors import RgbdSensor
 from pydrake.trajectories import PiecewisePolynomial
 
 from pepper_drake.diagrams.recording import (
@@ -35,7 +34,7 @@ from pepper_drake.models.control_model import (
     shared_control_model,
 )
 from pepper_drake.models.marker_script import FACING, MarkerScript
-from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP, make_render_cameras
+from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
 from pepper_drake.perception.cameras.noise import ColorNoise
 from pepper_drake.perception.goal.detection import MarkedObject
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
@@ -47,11 +46,11 @@ from pepper_drake.systems.guiding.scripted_guide import GuidePath
 from pepper_drake.systems.sensing.camera_model import CameraModel
 from pepper_drake.systems.sensing.marker_tracker import MarkerTracker
 from pepper_drake.systems.sensing.moving_marker import MovingMarker
+from pepper_drake.systems.sensing.rendered_scene import add_renderer, make_rgbd_sensor
 
 Vector = npt.NDArray[np.float64]
 
 _CAMERAS = {"top": CAMERA_TOP, "bottom": CAMERA_BOTTOM}
-_RENDERER = "vtk"
 
 OUT_OF_REACH = 0.02
 """Distance of the hand from its target beyond which the target is out of reach [m]."""
@@ -144,11 +143,10 @@ def watch(
 
     builder = DiagramBuilder()
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
+    add_renderer(scene_graph)
     MovingMarker.add_to_builder(builder, scene_graph, path, script.marker_id, script.marker_size)
-    color, depth = make_render_cameras(camera.intrinsics, _RENDERER)
     sensor = builder.AddNamedSystem(
-        "sensor", RgbdSensor(scene_graph.world_frame_id(), X_TC, color, depth)
+        "sensor", make_rgbd_sensor(camera.intrinsics, scene_graph.world_frame_id(), X_TC)
     )
     builder.Connect(scene_graph.get_query_output_port(), sensor.query_object_input_port())
     images = builder.AddNamedSystem(

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from pydrake.geometry import GeometryId, MakeRenderEngineVtk, RenderEngineVtkParams, SceneGraph
+from pydrake.geometry import FrameId, GeometryId, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.controllers import InverseDynamics
@@ -49,8 +49,8 @@ from pepper_drake.systems.robot.robot_kinematics import RobotKinematics
 from pepper_drake.systems.sensing.async_renderer import AsyncRenderer
 from pepper_drake.systems.sensing.async_rgbd_sensor import AsyncRgbdSensor
 from pepper_drake.systems.sensing.camera_model import CameraModel
+from pepper_drake.systems.sensing.rendered_scene import add_renderer
 
-RENDERER = "vtk"
 _STRENGTH = {"base": (40.0, 80.0), "body": (10.0, 10.0)}
 """Factors on proportional and derivative gain of the groups that carry the others."""
 _GEAR_FRICTION = 0.3
@@ -199,7 +199,7 @@ class PepperStation(Diagram):
         self.plant: MultibodyPlant = plant
         self.scene_graph: SceneGraph = scene_graph
         if scene is not None and config.cameras and config.stereo:
-            scene_graph.AddRenderer(RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
+            add_renderer(scene_graph)
         self.pepper: ModelInstanceIndex = add_pepper(plant)
         for group in JOINT_GROUPS:
             self.set_stiffness(group, config.stiffness.get(group, 1.0))
@@ -417,7 +417,7 @@ class PepperStation(Diagram):
             self._add_stereo(builder, kinematics, head)
 
     def _add_stereo(
-        self, builder: DiagramBuilder, kinematics: RobotKinematics, head: object
+        self, builder: DiagramBuilder, kinematics: RobotKinematics, head: FrameId
     ) -> None:
         """Mounts the stereo pair behind the eyes; its ports are the depth camera's."""
         config, model = self.config, self.control_model
@@ -425,7 +425,6 @@ class PepperStation(Diagram):
             "camera_depth",
             StereoCamera(
                 head,
-                RENDERER,
                 RobotSolids(model.plant, model.diagram.scene_graph()),
                 period=config.camera_period,
                 offset=0.5 * config.camera_period,

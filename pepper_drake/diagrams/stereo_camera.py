@@ -6,7 +6,7 @@ from pydrake.geometry import FrameId
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.sensors import RgbdSensor
 
-from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, HeadCamera, make_render_cameras
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, HeadCamera
 from pepper_drake.perception.cameras.noise import ColorNoise
 from pepper_drake.perception.mapping.solids import RobotSolids
 from pepper_drake.perception.stereo.matching import StereoParameters, make_stereo_cameras
@@ -14,6 +14,7 @@ from pepper_drake.perception.stereo.segmentation import SegmentationParameters
 from pepper_drake.systems.framework import Diagram, build_into
 from pepper_drake.systems.sensing.camera_model import CameraModel
 from pepper_drake.systems.sensing.projected_pattern import ProjectedPattern
+from pepper_drake.systems.sensing.rendered_scene import make_rgbd_sensor
 from pepper_drake.systems.sensing.stereo_depth import StereoDepth
 
 
@@ -50,7 +51,6 @@ class StereoCamera(Diagram):
 
     Args:
         head: The head's frame in the scene graph.
-        renderer_name: Name of the render engine.
         robot: The robot's shapes, to mask its own body.
         period: Time between pairs of images [s].
         offset: Time of the first pair [s].
@@ -66,7 +66,6 @@ class StereoCamera(Diagram):
     def __init__(
         self,
         head: FrameId,
-        renderer_name: str,
         robot: RobotSolids,
         *,
         period: float = 0.2,
@@ -97,10 +96,9 @@ class StereoCamera(Diagram):
         )
         self.intrinsics = depth.intrinsics
         for number, (side, camera) in enumerate((("left", left), ("right", right))):
-            color_camera, depth_camera = make_render_cameras(camera.intrinsics, renderer_name)
             sensor = builder.AddNamedSystem(
                 f"{side}_sensor",
-                RgbdSensor(head, camera.X_HeadC, color_camera, depth_camera),
+                make_rgbd_sensor(camera.intrinsics, head, camera.X_HeadC),
             )
             model = builder.AddNamedSystem(
                 side,

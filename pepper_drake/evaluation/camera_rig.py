@@ -5,20 +5,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import (
-    MakeRenderEngineVtk,
-    Mesh,
-    RenderEngineVtkParams,
-    Role,
-    SceneGraph,
-)
+from pydrake.geometry import Mesh, Role
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.sensors import RgbdSensor
 
-from pepper_drake.models.objects import SceneModels, add_scene
-from pepper_drake.models.pepper import add_pepper, set_joint_positions
+from pepper_drake.models.pepper import set_joint_positions
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.cameras.camera import (
     CAMERA_BOTTOM,
@@ -30,8 +22,7 @@ from pepper_drake.perception.cameras.camera import (
 )
 from pepper_drake.perception.cloud_evaluation import TrueSurfaces
 from pepper_drake.systems.framework import build, release
-
-_RENDERER = "vtk"
+from pepper_drake.systems.sensing.rendered_scene import RENDERER, RenderedScene
 
 
 class CameraRig:
@@ -57,38 +48,28 @@ class CameraRig:
         cameras: Sequence[HeadCamera] = (CAMERA_TOP, CAMERA_BOTTOM, CAMERA_DEPTH),
     ) -> None:
         builder = DiagramBuilder()
-        self.plant: MultibodyPlant
-        self.scene_graph: SceneGraph
-        self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, 0.01)
-        self.scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
-        self.pepper = add_pepper(self.plant)
-        self.scene_models: SceneModels = add_scene(self.plant, scene)
-        self.plant.Finalize()
         self.cameras = {camera.name: camera for camera in cameras}
-        head = self.plant.GetBodyFrameIdOrThrow(self.plant.GetBodyByName("Head").index())
-        self._sensors = {}
-        for camera in cameras:
-            color, depth = make_render_cameras(camera.intrinsics, _RENDERER)
-            sensor = builder.AddSystem(RgbdSensor(head, camera.X_HeadC, color, depth))
-            builder.Connect(
-                self.scene_graph.get_query_output_port(), sensor.query_object_input_port()
-            )
-            self._sensors[camera.name] = sensor
+        rendered = RenderedScene(builder, scene, self.cameras)
+        self.plant, self.scene_graph = rendered.plant, rendered.scene_graph
+        self.pepper, self.scene_models = rendered.pepper, rendered.models
+        self._sensors = rendered.sensors
         self._diagram = build(builder)
-        weakref.finalize(self, release, self._diagram).atexit = False
+        weakref.finalize(self, release, self._diagram, self.plant).atexit = False
         self._context = self._diagram.CreateDefaultContext()
-        self._plant_context = self.plant.GetMyMutableContextFromRoot(self._context)
+        self._plant_context = self.plant.CreateDefaultContext()
         self.set_positions(scene.robot.positions())
 
     def set_positions(self, positions: Mapping[str, float]) -> None:
         """Sets Pepper's joints by name, rad and m; others keep their position."""
         set_joint_positions(self.plant, self._plant_context, self.pepper, positions)
+        self._show_positions()
 
     def move_object(self, name: str, offset: npt.ArrayLike) -> None:
         """Moves an object with a path to an offset (3,) [m] from its position in the scene."""
         for axis, value in zip("xyz", np.asarray(offset, dtype=float), strict=True):
             joint = self.plant.GetJointByName(f"{name}_{axis}")
             joint.set_translation(self._plant_context, value)
+        self._show_positions()
 
     def pepper_positions(self) -> npt.NDArray[np.float64]:
         """Returns Pepper's positions (18,), in the order of a plant with only Pepper."""
@@ -152,13 +133,16 @@ class CameraRig:
         self, intrinsics: CameraIntrinsics, X_WC: RigidTransform
     ) -> npt.NDArray[np.uint8]:
         """Renders a colour image (height, width, 4) of a camera at any pose."""
-        camera, _ = make_render_cameras(intrinsics, _RENDERER)
+        camera, _ = make_render_cameras(intrinsics, RENDERER)
         query = self.scene_graph.get_query_output_port().Eval(
             self.scene_graph.GetMyContextFromRoot(self._context)
         )
         world = self.scene_graph.world_frame_id()
         return query.RenderColorImage(camera, world, X_WC).data.copy()
 
-    def _eval(self, sensor: RgbdSensor, port: object) -> npt.NDArray:
-        image = port.Eval(sensor.GetMyContextFromRoot(self._context))  # type: ignore[attr-defined]
-        return image.data.copy()
+    def _show_positions(self) -> None:
+        positions = self.plant.GetPositions(self._plant_context)
+        self._diagram.GetInputPort("positions").FixValue(self._context, positions)
+
+    def _eval(self, sensor: RgbdSensor, port: OutputPort) -> npt.NDArray:
+        return port.Eval(sensor.GetMyContextFromRoot(self._context)).data.copy()

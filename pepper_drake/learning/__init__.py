@@ -25,7 +25,6 @@ from pepper_drake.learning.dmp.obstacle_coupling import (
     Coupling,
     CouplingOutput,
     ReportCoupling,
-    coupling_names,
     get_coupling,
     register_coupling,
 )
@@ -78,7 +77,6 @@ __all__ = [
     "TaskParameterizedMixture",
     "align",
     "approximator_names",
-    "coupling_names",
     "examine",
     "fit_ds_gmr",
     "fit_gaussian_mixture",

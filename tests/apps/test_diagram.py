@@ -2,8 +2,6 @@ import itertools
 import os
 import re
 import stat
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from functools import partial
 from pathlib import Path
@@ -89,19 +87,15 @@ def test_the_scenario_says_what_is_drawn(app):
         assert ("camera_depth_sensor" in nodes) != stereo
 
 
-def test_where_dot_is_installed_every_port_is_drawn_too(tmp_path):
+def test_where_dot_is_installed_every_port_is_drawn_too(app, call_app, tmp_path, monkeypatch):
     dot = tmp_path / "bin" / "dot"
     dot.parent.mkdir()
     dot.write_text('#!/bin/sh\n# Stands in for Graphviz: dot -Tsvg FILE -o OUT.\ncp "$2" "$4"\n')
     dot.chmod(dot.stat().st_mode | stat.S_IXUSR)
-    result = subprocess.run(
-        [sys.executable, str(APP), "teaching", "--output", str(tmp_path / "out")],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PATH": f"{dot.parent}:{os.environ['PATH']}"},
-    )
-    assert (result.returncode, result.stderr) == (0, "")
-    assert "graphviz" not in result.stdout
+    monkeypatch.setenv("PATH", f"{dot.parent}:{os.environ['PATH']}")
+    code, printed, error = call_app(app, "teaching", "--output", tmp_path / "out")
+    assert (code, error) == (cli.EXIT_DONE, "")
+    assert "graphviz" not in printed
     drawn = (tmp_path / "out" / "teaching_ports.svg").read_text()
     assert drawn == (tmp_path / "out" / "teaching.dot").read_text()
 

@@ -1,3 +1,4 @@
+import itertools
 import json
 import os
 import subprocess
@@ -240,7 +241,7 @@ class Pushed(NamedTuple):
 
 
 def reach_and_push(folder, *options, delay=0.0):
-    """Runs the app; every answer of its planner takes the processor `delay` seconds longer."""
+    """Runs the app; every eighth answer of its planner takes the processor `delay` s longer."""
     runs = []
 
     class KeptRun(ReachSimulation):
@@ -256,9 +257,11 @@ def reach_and_push(folder, *options, delay=0.0):
             ):
                 setattr(planner, name, late(getattr(planner, name)))
 
+    answers = itertools.count()
+
     def late(answer):
         def answer_late(*question):
-            until = time.thread_time() + delay
+            until = time.thread_time() + (0.0 if next(answers) % 8 else delay)
             while time.thread_time() < until:
                 pass
             return answer(*question)
@@ -288,7 +291,8 @@ def pushed(tmp_path_factory):
 @pytest.mark.render
 def test_the_same_seed_gives_the_same_bytes_however_long_planning_takes(pushed, tmp_path):
     other = reach_and_push(tmp_path, "--no-recording", delay=0.05)
-    assert min(one.seconds for one in other.run.reaching.timed_planner.log) >= 0.05
+    answers = other.run.reaching.timed_planner.log
+    assert np.count_nonzero([one.seconds >= 0.05 for one in answers]) >= len(answers) // 8
     log, again = (ReachLog.load(one.folder / "log.npz") for one in (pushed, other))
     assert log.mode.tobytes() == again.mode.tobytes()
     assert log.joint_command_rad.tobytes() == again.joint_command_rad.tobytes()

@@ -1,7 +1,4 @@
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 
@@ -9,17 +6,13 @@ from pepper_drake.diagrams.factory import SHIPPED_DEMONSTRATION
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.scenario import Scenario, load_scenario
 
-APP = Path(__file__).parents[2] / "apps" / "reproduce.py"
 
-
-def test_a_push_is_survived_learned_and_rated(tmp_path):
+def test_a_push_is_survived_learned_and_rated(run_app, tmp_path):
     scores = tmp_path / "scores.txt"
     scores.write_text("3\n")
     output = tmp_path / "out"
     push = ("--push", 0, 0, 5, "--learn-corrections", "--score", 7.5, "--scores", scores)
-    # As a user runs it, in a process of its own.
-    command = [sys.executable, APP, *push, "--output", output]
-    result = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    result = run_app("reproduce", *push, "--output", output)
     assert result.returncode == 0, result.stderr
     assert result.stdout.startswith("reached: ")
     report = json.loads((output / "report.json").read_text())

@@ -262,11 +262,6 @@ def register_coupling(name: str, make: Callable[[], Coupling]) -> None:
     _couplings[name] = make
 
 
-def coupling_names() -> tuple[str, ...]:
-    """Returns the names of all couplings."""
-    return tuple(_couplings)
-
-
 def get_coupling(name: str) -> Coupling:
     """Returns the coupling of that name with its default constants.
 

@@ -49,12 +49,13 @@ class _ImmediateExecutor(Executor):
         return future
 
 
-_IMMEDIATE = _ImmediateExecutor()
+IMMEDIATE = _ImmediateExecutor()
+"""An executor that runs its work at once, on the calling thread."""
 
 
 def completed_image(pixels: Pixels) -> ImageFuture:
     """Wraps existing pixels (height, width, channels)."""
-    return ImageFuture(_IMMEDIATE.submit(lambda: pixels), _IMMEDIATE)
+    return ImageFuture(IMMEDIATE.submit(lambda: pixels), IMMEDIATE)
 
 
 def empty_image() -> ImageFuture:

@@ -263,8 +263,3 @@ def as_position6(X: RigidTransform) -> list[float]:
 def as_transform16(X: RigidTransform) -> list[float]:
     """Returns a pose as the 16 numbers of its matrix, row by row."""
     return X.GetAsMatrix4().ravel().tolist()
-
-
-def chain_of(joint: str) -> str:
-    """Returns the chain of a joint."""
-    return next(chain for chain, joints in CHAINS.items() if joint in joints)

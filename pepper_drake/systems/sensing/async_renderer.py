@@ -8,22 +8,16 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
-from pydrake.geometry import MakeRenderEngineVtk, RenderEngineVtkParams, SceneGraph
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
-from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U, RgbdSensor
+from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
-from pepper_drake.models.objects import add_scene
-from pepper_drake.models.pepper import add_pepper
 from pepper_drake.models.scene import Scene
-from pepper_drake.perception.cameras.camera import HeadCamera, make_render_cameras
+from pepper_drake.perception.cameras.camera import HeadCamera
 from pepper_drake.perception.cameras.image_future import ImageFuture, Pixels
 from pepper_drake.systems.framework import build, release
-
-_RENDERER = "vtk"
+from pepper_drake.systems.sensing.rendered_scene import RenderedScene
 
 
 class _RenderingDiagram:
@@ -35,25 +29,11 @@ class _RenderingDiagram:
 
     def __init__(self, scene: Scene, cameras: Mapping[str, tuple[HeadCamera, str]]) -> None:
         builder = DiagramBuilder()
-        self._plant = MultibodyPlant(time_step=0.01)  # Only its kinematics are used.
-        scene_graph = builder.AddSystem(SceneGraph())
-        scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
-        self._plant.RegisterAsSourceForSceneGraph(scene_graph)
-        add_pepper(self._plant)
-        add_scene(self._plant, scene)
-        self._plant.Finalize()
-        poses = builder.AddSystem(MultibodyPositionToGeometryPose(self._plant))
-        builder.Connect(
-            poses.get_output_port(),
-            scene_graph.get_source_pose_port(self._plant.get_source_id()),
-        )
-        head = self._plant.GetBodyFrameIdOrThrow(self._plant.GetBodyByName("Head").index())
+        rendered = RenderedScene(builder, scene, {name: cameras[name][0] for name in cameras})
+        self._plant = rendered.plant
         self._images = {}
-        for offset, (name, (camera, kind)) in enumerate(cameras.items()):
-            color, depth = make_render_cameras(camera.intrinsics, _RENDERER)
-            sensor = builder.AddSystem(RgbdSensor(head, camera.X_HeadC, color, depth))
-            builder.Connect(scene_graph.get_query_output_port(), sensor.query_object_input_port())
-            is_color = kind == "color"
+        for offset, (name, (_, kind)) in enumerate(cameras.items()):
+            sensor, is_color = rendered.sensors[name], kind == "color"
             # Each camera samples in its own second of the diagram's time.
             image = builder.AddSystem(
                 ZeroOrderHold(
@@ -69,7 +49,6 @@ class _RenderingDiagram:
                 image.get_input_port(),
             )
             self._images[name] = (offset, image.get_output_port())
-        builder.ExportInput(poses.get_input_port(), "positions")
         self._diagram = build(builder)
         self._simulator = Simulator(self._diagram)
         self._rounds = 0

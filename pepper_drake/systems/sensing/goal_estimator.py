@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 from pydrake.systems.sensors import ImageRgba8U
 
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP, CameraIntrinsics
+from pepper_drake.perception.cameras.image_future import IMMEDIATE
 from pepper_drake.perception.goal.detection import MarkedObject, detect_goal
 from pepper_drake.perception.goal.imm_filter import (
     GoalFilterParameters,
@@ -27,12 +27,6 @@ from pepper_drake.systems.framework import LeafSystem
 
 _THUMBNAIL_STEP = 7
 """Images are compared by every seventh pixel of every seventh row."""
-
-
-@functools.cache
-def _worker() -> ThreadPoolExecutor:
-    """Returns the thread that processes images while the simulation continues."""
-    return ThreadPoolExecutor(1, thread_name_prefix="goal estimator")
 
 
 @dataclass(frozen=True)
@@ -109,7 +103,7 @@ class GoalEstimator(LeafSystem):
     before the first.
 
     A measurement becomes available `latency` after its image was received, the time allowed for
-    processing on a separate thread. The results do not depend on the thread's speed.
+    processing by the executor. The results do not depend on the executor's speed.
 
     State: filter and last images (abstract). Event: one periodic unrestricted update.
 
@@ -123,6 +117,7 @@ class GoalEstimator(LeafSystem):
         offset: Time of the first check [s]; after the cameras', so that an image taken in the same
             period is used in it.
         latency: Processing time of an image [s]; at zero the simulation waits.
+        executor: Processes the images; if omitted, the simulation waits for each.
         expects_noise: Whether identical images mean a frozen camera; set to False only when the
             images are rendered without noise.
 
@@ -165,9 +160,11 @@ class GoalEstimator(LeafSystem):
         period: float = 0.02,
         offset: float = 0.01,
         latency: float = 0.0,
+        executor: Executor = IMMEDIATE,
         expects_noise: bool = True,
     ) -> None:
         super().__init__()
+        self._executor = executor
         self.marked = marked
         self._parameters = GoalFilterParameters() if parameters is None else parameters
         self._marker = marker
@@ -249,7 +246,7 @@ class GoalEstimator(LeafSystem):
             return used
         track = memory.goal.track
         is_recent = track is not None and memory.goal.age(time) <= self._parameters.hold_seconds
-        measurement = _worker().submit(
+        measurement = self._executor.submit(
             detect_goal,
             image.copy(),  # The port's value is overwritten by the next image.
             time,
