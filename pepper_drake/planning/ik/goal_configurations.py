@@ -1,9 +1,9 @@
-"""Postures of an arm that put its hand at a point: many at once.
+"""Goal configurations: many postures of an arm with its hand at a point.
 
-Five joints reach a point in space with two degrees of freedom to spare, which turn the hand and
-move the elbow. A library of random postures, made once, is searched for those whose hand is near;
-a few damped least-squares steps bring each of them to the point, and what was random about them
-spreads them over the two degrees of freedom.
+Five joints reach a point with two redundant degrees of freedom, which turn the hand and move the
+elbow. A library of random postures, made once, is searched for those whose hand is near; a few
+damped least-squares steps bring each to the point. As they are random, they spread over the two
+redundant degrees of freedom.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ _SEED = 1
 _STEPS, _DAMPING = 8, 0.01
 """Number of damped least-squares steps, and their damping [m/rad]."""
 _TOLERANCE = 2e-4
-"""Distance from the point at which a hand is there [m]."""
+"""Distance from the point within which a hand has arrived [m]."""
 _LARGEST_STEP = 0.3
 """Largest motion of a joint in one step [rad]."""
 
@@ -41,18 +41,18 @@ class GoalConfigurations:
         self._hands = cKDTree(kinematics.poses(self._joints).hand_position)
 
     def near(self, p_TH: Vector, count: int) -> Vector:
-        """The library's postures (count, 5), rad, whose hands are nearest to a point (3,) in T."""
+        """Returns the library's postures (count, 5) [rad] with hands nearest to a point (3,)."""
         return self._joints[self._hands.query(p_TH, k=count)[1]]
 
     def solve(self, target: Vector, starts: Vector) -> tuple[Vector, npt.NDArray[np.bool_]]:
-        """Moves postures by the least they need to put their hands at a point.
+        """Moves postures as little as needed to bring their hands to a point.
 
         Args:
-            target: (3,) in T [m].
-            starts: (M, 5) [rad].
+            target: The point (3,) in T [m].
+            starts: Initial postures (M, 5) [rad].
 
         Returns:
-            Postures (M, 5), and which of them are there.
+            Postures (M, 5) [rad], and a mask of those that arrived.
         """
         q = np.clip(starts, self._lower, self._upper)
         limits = np.stack((self._lower, self._upper))
@@ -62,31 +62,31 @@ class GoalConfigurations:
         return q, left <= _TOLERANCE
 
     def well_turned(self, q: Vector, R_TG: Vector, axis: npt.ArrayLike, tolerance: float) -> Vector:
-        """Returns those postures (M, 5) whose hand has an axis (3,) near its goal's; all if none.
+        """Returns the postures (M, 5) whose hand axis (3,) is close to the goal's, or all if none.
 
         Args:
             q: The postures [rad].
-            R_TG: (3, 3) the goal's orientation.
-            axis: In H.
-            tolerance: Largest angle between the two [rad].
+            R_TG: Orientation of the goal (3, 3).
+            axis: Axis in H.
+            tolerance: Largest angle between the axes [rad].
         """
         kept = axis_error(self._kinematics.poses(q).hand_rotation, R_TG, axis) <= tolerance
         return q[kept] if kept.any() else q
 
 
 def orientation_error(R_TH: Vector, R_TG: Vector) -> Vector:
-    """Angles (M,) [rad] between hand orientations (M, 3, 3) and a wanted one (3, 3)."""
+    """Returns angles (M,) [rad] between hand orientations (M, 3, 3) and a desired one (3, 3)."""
     trace = np.einsum("mij,ij->m", R_TH, R_TG)
     return np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
 
 
 def axis_error(R_TH: Vector, R_TG: Vector, axis: npt.ArrayLike) -> Vector:
-    """Angles (M,) [rad] between an axis of hands with orientations (M, 3, 3) and of a goal (3, 3).
+    """Returns angles (M,) [rad] between an axis of hands and of a goal.
 
     Args:
-        R_TH: The hands' orientations.
-        R_TG: The wanted one.
-        axis: (3,) in H, of any length.
+        R_TH: Orientations of the hands (M, 3, 3).
+        R_TG: Orientation of the goal (3, 3).
+        axis: Axis (3,) in H, of any length.
     """
     direction = np.asarray(axis, dtype=float)
     cosine = R_TH @ direction @ (R_TG @ direction) / (direction @ direction)

@@ -1,4 +1,4 @@
-"""Base placement: candidate base poses, and the best plan from any of them."""
+"""Base placement: candidate base poses, and the best plan over all of them."""
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
@@ -24,10 +24,10 @@ from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
 Vector = npt.NDArray[np.float64]
 
 HasRoom = Callable[[Vector], npt.NDArray[np.bool_]]
-"""Says at which of some base poses (N, 3) the body has room, (N,)."""
+"""Tells at which base poses (N, 3) the body is free of collisions, (N,)."""
 
 _BATCH = 12
-"""Base poses that are checked for room together."""
+"""Number of base poses that are checked for collisions at once."""
 
 
 class BasePlacement:
@@ -37,7 +37,7 @@ class BasePlacement:
         model: Pepper.
         arm: "left" or "right".
         X_OG: The hand's pre-grasp pose in the goal object's frame.
-        demonstrated_goal: (3,) where the demonstration ended, in T [m].
+        demonstrated_goal: End of the demonstration (3,) in T [m].
         params: Criteria of a good reach.
     """
 
@@ -61,13 +61,13 @@ class BasePlacement:
         X_WO: RigidTransform,
         has_room: HasRoom,
     ) -> Iterator[Vector]:
-        """Yields base poses (3,) from which a reach is tried, the most comfortable first.
+        """Yields candidate base poses (3,), the most comfortable first.
 
         Args:
-            base_pose: (3,) where the base is, x, y, yaw in W [m, rad].
+            base_pose: Present pose of the base (3,), x, y, yaw in W [m, rad].
             joint_position: (15,) in the order of `BODY_JOINTS` [rad].
             X_WO: The goal object's pose.
-            has_room: Says at which of some base poses the body has room.
+            has_room: Tells at which base poses the body is free of collisions.
         """
         params = self._params
         for slack, count in ((params.slack, params.places_with_slack), (0.0, params.places_tried)):
@@ -81,12 +81,12 @@ class BasePlacement:
         X_WO: RigidTransform,
         has_room: HasRoom,
     ) -> Iterator[Vector]:
-        """Yields base poses all around, comfortable or not; see `__call__`."""
+        """Yields base poses all around the goal, comfortable or not; see `__call__`."""
         places = np.array(list(self.within_reach(base_pose, joint_position, X_WO, 0.0)))
         yield from _spread(_free(places, has_room), self._params.places_searched)
 
     def is_reachable(self, base_pose: Vector, joint_position: Vector, X_WO: RigidTransform) -> bool:
-        """True if the goal is at a height that the arm reaches."""
+        """True if the goal is at a height within the arm's reach."""
         return next(self.within_reach(base_pose, joint_position, X_WO, 0.0), None) is not None
 
     def _torso_pose(self, base_pose: Vector, joint_position: Vector) -> RigidTransform:
@@ -99,7 +99,7 @@ class BasePlacement:
     ) -> Iterator[tuple[float, float, float]]:
         """Yields base poses with the goal within the arm's reach, the most comfortable first.
 
-        With some slack, poses from which the goal may move away by that much [m] come first.
+        With slack, poses come first from which the goal may move away by that distance [m].
         """
         params = self._params
         side = 1.0 if self._arm == "left" else -1.0
@@ -112,7 +112,7 @@ class BasePlacement:
         ).frame_on_parent()
         p_TS = shoulder.GetFixedPoseInBodyFrame().translation()
         preferred = self._preferred_goal(p_TS)
-        # The robot faces where the fingers should point.
+        # The robot faces the direction of the fingers.
         fingers = X_WG.rotation().col(0)
         heading = np.arctan2(fingers[1], fingers[0])
         z_T = X_WG.translation()[2] - X_BT.translation()[2]
@@ -142,7 +142,7 @@ class BasePlacement:
             )
 
     def _preferred_goal(self, p_TS: Vector) -> Vector:
-        """End of the demonstration, x and y (2,) in T, if the arm can reach there."""
+        """Returns x and y (2,) in T of the demonstration's end, or the default if out of reach."""
         params, goal = self._params, self._demonstrated_goal
         if np.linalg.norm(goal - p_TS) <= params.reach + 0.02 and goal[0] > 0.1:
             return goal[:2]
@@ -157,20 +157,20 @@ class BasePlacement:
         field: PointCloudDistance,
         within: float,
     ) -> Vector:
-        """Least distance (N,) [m] of the body, its arms at rest, on the straight ways to places.
+        """Returns the least clearance (N,) [m] of the robot on straight drives to base poses.
 
         Args:
-            base_pose: Where the base stands, x, y [m], yaw [rad] in W.
-            places: Where it may go (N, 3).
-            joint_position: The joints on the way (15,) [rad].
+            base_pose: Present pose of the base, x, y [m], yaw [rad] in W.
+            places: Goals of the drives (N, 3).
+            joint_position: Joints during the drive (15,) [rad].
             field: The obstacles, in W.
-            within: Beyond this distance it is infinite [m].
+            within: Larger clearances are infinite [m].
         """
-        ways = [drive_poses(base_pose, place) for place in places]
-        if not ways:
+        drives = [drive_poses(base_pose, place) for place in places]
+        if not drives:
             return np.zeros(0)
-        clearances = self.resting_clearances(np.concatenate(ways), joint_position, field, within)
-        ends = np.cumsum([len(way) for way in ways])[:-1]
+        clearances = self.resting_clearances(np.concatenate(drives), joint_position, field, within)
+        ends = np.cumsum([len(drive) for drive in drives])[:-1]
         return np.array([part.min() for part in np.split(clearances, ends)])
 
 
@@ -178,17 +178,17 @@ class BasePlacementPlanner:
     """Simulates reaches from candidate base poses and returns the best.
 
     Args:
-        evaluator: Simulates, judges and adapts movements.
-        places: The candidates.
+        evaluator: Simulates, evaluates and adapts movements.
+        places: Generates the candidates.
     """
 
     def __init__(self, evaluator: ReachEvaluator, places: BasePlacement) -> None:
         self._evaluator, self._places = evaluator, places
 
     def plan(self, observation: Observation) -> ReachPlan:
-        """Returns the best plan from any place where the base can stand; see `Planner`."""
-        seen = (observation.base_pose, observation.joint_position, observation.X_WO)
-        if not self._places.is_reachable(*seen):
+        """Returns the best plan over all base placements; see `Planner`."""
+        poses = (observation.base_pose, observation.joint_position, observation.X_WO)
+        if not self._places.is_reachable(*poses):
             return ReachPlan(
                 PlanStatus.OUT_OF_REACH,
                 "the goal is higher or lower than the arm can reach",
@@ -202,14 +202,14 @@ class BasePlacementPlanner:
         usual, wide = (
             (
                 scenes(observation.from_base_pose(pose), obstacles)
-                for pose in candidates(*seen, has_room)
+                for pose in candidates(*poses, has_room)
             )
             for candidates in (self._places, self._places.wide_candidates)
         )
         best: ReachPlan | None = None
         for plan in self._plans(usual, wide):
             best = plan if best is None else max(best, plan, key=self._evaluator.quality)
-            if self._evaluator.is_good(plan) and self._is_brisk(plan):
+            if self._evaluator.is_good(plan) and self._is_short(plan):
                 break
         if best is None:
             return ReachPlan(
@@ -226,13 +226,13 @@ class BasePlacementPlanner:
         field: PointCloudDistance | None = None,
         lost: float = 0.0,
     ) -> npt.NDArray[np.bool_]:
-        """Tells at which base poses (N, 3) the body has room, and on the straight way there.
+        """Tells at which base poses (N, 3), and on the drive there, the body has its clearance.
 
         Args:
             places: x, y [m], yaw [rad] in W.
-            observation: What is known.
-            field: Its obstacles, if they were asked for distances before.
-            lost: Room that may be missing [m].
+            observation: The observation.
+            field: Distances to its obstacles, if they exist already.
+            lost: By how much the clearance may fall short [m].
         """
         params, joints = self._evaluator.params, observation.joint_position
         if field is None:
@@ -246,12 +246,12 @@ class BasePlacementPlanner:
         return free
 
     def _standing_field(self, observation: Observation) -> PointCloudDistance:
-        """The obstacles for the body: what was seen, taken to stand on the floor if it may."""
-        params, seen = self._evaluator.params, observation.obstacles
+        """Returns distances to the obstacles, extended to the floor where that is hidden."""
+        params, obstacles = self._evaluator.params, observation.obstacles
         if observation.space is not None and params.unseen.drive:
-            hidden = observation.space.hidden_below(seen, params.unseen.cell)
-            seen = np.concatenate((seen, hidden))
-        return PointCloudDistance(seen, extension=params.solid_depth)
+            hidden = observation.space.hidden_below(obstacles, params.unseen.cell)
+            obstacles = np.concatenate((obstacles, hidden))
+        return PointCloudDistance(obstacles, extension=params.solid_depth)
 
     def _plans(
         self, usual: Iterator[PlanningScene], wide: Iterator[PlanningScene]
@@ -312,21 +312,21 @@ class BasePlacementPlanner:
         start = self._evaluator.params.clearance.start
         return plan.status == PlanStatus.CLEAR and plan.clearance >= start
 
-    def _is_brisk(self, plan: ReachPlan) -> bool:
+    def _is_short(self, plan: ReachPlan) -> bool:
         evaluator = self._evaluator
         longest = evaluator.params.slowest * evaluator.demonstrated.primitive.duration
         return plan.movement is not None and plan.movement.primitive.duration <= longest
 
 
 def _free(places: Vector, has_room: HasRoom) -> Iterator[Vector]:
-    """Yields those of some base poses (N, 3) where there is room, checked in batches."""
+    """Yields the base poses of (N, 3) that are free of collisions, checked in batches."""
     for first in range(0, len(places), _BATCH):
-        some = places[first : first + _BATCH]
-        yield from some[has_room(some)]
+        batch = places[first : first + _BATCH]
+        yield from batch[has_room(batch)]
 
 
 def _spread(poses: Iterable[Vector], count: int) -> Iterator[Vector]:
-    """Yields the first pose, then each that differs from all before it, up to `count`."""
+    """Yields up to `count` poses, each different enough from all before it."""
     taken: list[Vector] = []
     for pose in poses:
         scaled = pose * [1.0, 1.0, 0.15]

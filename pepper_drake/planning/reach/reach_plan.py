@@ -1,4 +1,4 @@
-"""Questions to the reach planner, and its answers."""
+"""Interface of reach planners, and their plans."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ class PlanStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class ReachPlan:
-    """A reach that was simulated.
+    """A simulated reach.
 
     Attributes:
-        status: Whether the robot may do it.
-        message: Why not, as a sentence.
-        base_pose: (3,) where the base stands, x, y, yaw in W [m, rad].
+        status: CLEAR if the robot may perform it, or the reason against it.
+        message: The reason as a sentence.
+        base_pose: Pose of the base (3,), x, y, yaw in W [m, rad].
         position_error: Distance of the hand to its goal at the end [m].
-        clearance: Least distance of the arm to the cloud [m].
+        clearance: Least clearance of the arm to the cloud [m].
         joint_path: (N, 5) commands of the arm's joints, every `time_step` [rad].
-        movement: What is to be performed.
+        movement: The movement to perform.
         collision_checked: Whether the path is checked against later clouds, too.
-        time_step: Between the commands [s].
-        unseen: (K, 3) the largest unseen region of the space that it sweeps, in W [m]: by the arm,
-            or, for a base placement, by the whole robot on its drive there.
-        out_of_view: Volume of that space that cannot be seen from where the robot stands [m³].
+        time_step: Time between the commands [s].
+        unseen: (K, 3) largest unseen region in W [m] of the volume swept by the arm or, for a base
+            placement, by the whole robot on its drive.
+        out_of_view: Volume of it that cannot be seen from the present base pose [m³].
     """
 
     __repr__ = short_repr
@@ -67,11 +67,11 @@ class ReachPlan:
     out_of_view: float = 0.0
 
     def flaw(self, p_WO: Vector, reach: float) -> str | None:
-        """Returns a sentence about why this cannot be the answer of a sound planner, or None.
+        """Returns a sentence about a value that no correct planner returns, or None.
 
         Args:
-            p_WO: (3,) the goal object in W [m].
-            reach: Distance of the base from the goal beyond which the arm cannot get there [m].
+            p_WO: Position of the goal object (3,) in W [m].
+            reach: Largest distance of the base from the goal within the arm's reach [m].
         """
         if not np.isfinite(self.base_pose).all():
             return "the planner gave a base pose that is not a number"
@@ -83,7 +83,7 @@ class ReachPlan:
         return None
 
     def nearest(self, arm: ArmState) -> int:
-        """Returns the index of the command in the path that is nearest to the arm's."""
+        """Returns the index of the path's command nearest to the arm's."""
         assert self.joint_path is not None
         return int(np.argmin(np.sum((self.joint_path - arm.position) ** 2, axis=1)))
 
@@ -97,15 +97,15 @@ class ReachPlan:
     ) -> ArmState:
         """Returns the arm's command after some time along this path.
 
-        What it is off the path now, in position and velocity, it will be off the path then.
+        Its present deviation from the path, in position and velocity, is assumed to persist.
 
         Args:
-            arm: The command now.
-            elapsed: Time of the movement that is over [s]: a path that turns back passes the same
+            arm: The present command.
+            elapsed: Elapsed time of the movement [s], as a path that turns back passes the same
                 place twice.
             duration: Time from now [s].
-            speed: The share of its speed at which the movement is performed.
-            timing_error: Greatest lead or lag on the path that is noticed [s].
+            speed: Time scaling of the movement: 1 at full speed.
+            timing_error: Largest lead or lag on the path that is accounted for [s].
         """
         path = self.joint_path
         assert path is not None
@@ -143,7 +143,7 @@ class RemainingClearance(NamedTuple):
 
 
 class Planner(Protocol):
-    """Interface of a planner to supervision: answers depend on the arguments alone."""
+    """Interface of a planner to the supervision; planners are stateless."""
 
     @property
     def demonstrated(self) -> Movement:
@@ -161,35 +161,35 @@ class Planner(Protocol):
         ...
 
     def plan_base_placement(self, observation: Observation) -> ReachPlan:
-        """Returns the best plan from any place where the base can stand.
+        """Returns the best plan over all base placements.
 
-        It is clear, or nearly so, if there is such a place, and has to be checked again, with
-        `check_reach`, from there.
+        It is clear, or nearly so, if there is such a placement, and must be checked again there
+        with `check_reach`.
         """
         ...
 
     def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Returns a clear base placement with what the drive there looks like now.
+        """Returns a clear base placement with the result of checking the drive there again.
 
-        Its status is NOT_SEEN if the robot would pass space that was not seen, and NO_STANDING_ROOM
-        if something stands in its way.
+        Its status is NOT_SEEN if the drive would sweep unseen space, and NO_STANDING_ROOM if an
+        obstacle blocks it.
         """
         ...
 
     def check_reach(self, observation: Observation, movement: Movement | None = None) -> ReachPlan:
-        """Returns the best plan from where the base is.
+        """Returns the best plan from the present base pose.
 
         Args:
-            observation: What is known; the arm is at rest.
-            movement: What is tried first: the one that `plan_base_placement` found, or, left out,
-                the demonstrated one. If it is not clear, it is adapted.
+            observation: The observation; the arm is at rest.
+            movement: The movement to try first: that of `plan_base_placement` or, if omitted, the
+                demonstrated one. If it is not clear, it is adapted.
         """
         ...
 
     def replan(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns the best plan for the rest of a movement, from the arm's command and velocity.
 
-        It is the old movement's rest if that is clear, and not clear if there is none.
+        It is the rest of the old movement if that is clear, and not clear if no plan is.
         """
         ...
 
@@ -207,19 +207,19 @@ class Planner(Protocol):
     def stale_space(
         self, plan: ReachPlan, observation: Observation, new_obstacle: Vector, movable: Vector
     ) -> StaleSpace:
-        """Returns space that the arm passes soon and that was not seen lately.
+        """Returns space that the arm sweeps soon and that was not seen recently.
 
         Args:
-            plan: What is performed.
-            observation: What is known.
-            new_obstacle: (N, 3) points of an obstacle that came since the arm started, in W [m].
-            movable: (M, 3) points of what moves, or hung in the air then and so may move [m].
+            plan: The running plan.
+            observation: The observation.
+            new_obstacle: (N, 3) points of an obstacle that appeared since the start, in W [m].
+            movable: (M, 3) points of objects that move, or hung in the air at the start [m].
         """
         ...
 
 
 def quality(plan: ReachPlan, wanted_clearance: float) -> tuple[bool, bool, float, float]:
-    """Order of plans: clear ones, those that arrive, the wanted clearance, the shortest time."""
+    """Returns a sort key of plans: clear, arriving, clearance up to the wanted one, duration."""
     arrives = plan.status in (PlanStatus.CLEAR, PlanStatus.NO_CLEAR_PATH)
     return (
         plan.status == PlanStatus.CLEAR,

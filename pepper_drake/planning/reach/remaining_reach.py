@@ -1,4 +1,4 @@
-"""The rest of a movement that is being performed: its clearance, a detour, a retreat."""
+"""The rest of a running movement: its clearance, a detour, a retreat."""
 
 import numpy as np
 import numpy.typing as npt
@@ -15,13 +15,13 @@ from pepper_drake.planning.trajectories.retreat import retreat_trajectory
 Vector = npt.NDArray[np.float64]
 
 _STRIDE = 5
-"""Commands of a path between those whose clearance is computed."""
+"""Stride of the path's commands whose clearance is computed."""
 
 
 def remaining_clearance(
     evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation
 ) -> RemainingClearance:
-    """Returns distances of the rest of a plan's path to obstacles; see `Planner`."""
+    """Returns the clearance along the rest of a plan's path; see `Planner`."""
     scene = evaluator.scenes(observation)
     rest = path_ahead(plan, observation)[::_STRIDE]
     times = (_STRIDE * plan.time_step) * np.arange(len(rest), dtype=float)

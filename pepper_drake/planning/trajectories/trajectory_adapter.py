@@ -28,7 +28,7 @@ from pepper_drake.planning.trajectories.trajectory_search import optimize_trajec
 Vector = npt.NDArray[np.float64]
 
 PLANNED = -1
-"""The origin of a path that came from a planner."""
+"""The origin of a path from the path planner."""
 
 _LOOKED_AT = 32
 """Number of goal configurations evaluated in a batch."""
@@ -39,15 +39,15 @@ _DOWN = GoalAxis()
 
 @dataclass(frozen=True, eq=False)
 class AdaptedTrajectory:
-    """A path of the arm's joints through a scene.
+    """A joint path adapted to a scene.
 
     Attributes:
         joints: (N, 5) at even times [rad].
-        duration: s.
-        slack: Least clearance less the wanted one [m].
+        duration: [s].
+        slack: Least clearance minus the desired one [m].
         cost: Its cost.
-        origin: Which demonstration it came from, or `PLANNED`.
-        generations: Of the search.
+        origin: Index of the demonstration behind it, or `PLANNED`.
+        generations: Generations of the search.
     """
 
     joints: Vector
@@ -59,18 +59,17 @@ class AdaptedTrajectory:
 
 
 class TrajectoryAdapter:
-    """Finds clear paths of an arm from demonstrated ones.
+    """Finds clear paths of an arm near demonstrated ones.
 
     Args:
         model: Pepper.
         arm: "left" or "right".
-        demonstrations: (D, N, 5) joints at even relative times [rad]; the first is the one to be
-            like.
-        duration: Of the demonstrations [s].
-        params: Weights and sizes.
-        clearance: Distances to keep: `start` and `want` at the goal, `optimise` on the way, and
-            `resume` where the fallback planner looks.
-        axis: Of the hand, for goal postures.
+        demonstrations: (D, N, 5) joints at even relative times [rad], the reference first.
+        duration: Duration of the demonstrations [s].
+        params: Parameters of the adaptation.
+        clearance: Clearances: `start` and `want` at the goal, `optimise` along the path, and
+            `resume` for the fallback planner.
+        axis: The axis of the hand whose direction matters.
     """
 
     def __init__(
@@ -106,17 +105,16 @@ class TrajectoryAdapter:
         plan: bool = True,
         allowance: float = 0.0,
     ) -> AdaptedTrajectory | None:
-        """Looks for a clear path from a posture to a hand goal.
+        """Searches for a clear path from a posture to a hand goal.
 
         Args:
             start: (5,) rad.
-            X_TG: Where the hand's position should end, and how it should be turned there if
-                that can be had.
+            X_TG: Goal of the hand's position and, as far as possible, orientation.
             checker: Distances of the arm to obstacles.
             rollout: (K, 5) what the demonstration alone would make of it, one more to start from.
             bend: Whether demonstrations are bent; else the path planner alone is asked.
             plan: Whether a path planner is asked where no demonstration can be bent to a way.
-            allowance: How much less clearance than otherwise is enough at the goal [m].
+            allowance: By how much the clearance at the goal may fall short [m].
 
         Returns:
             The best path found, whether it is clear or not; None if no clear posture reaches the
@@ -124,7 +122,7 @@ class TrajectoryAdapter:
         """
         demonstrations = self._demonstrations
         if rollout is not None:
-            # What the barrier and the limits did to it leaves it jerky.
+            # Barrier and limits make it jerky.
             own = smoothed(smoothed(resampled(rollout, self.params.samples)))[None]
             demonstrations = np.concatenate((own, demonstrations))
         return self._adapt(
@@ -139,14 +137,14 @@ class TrajectoryAdapter:
         remaining: Vector,
         duration: float,
     ) -> AdaptedTrajectory | None:
-        """Looks for a clear path to go on with, while the arm is on its way; see `adapt`.
+        """Searches for a clear path that continues the arm's present motion; see `adapt`.
 
         Args:
-            start: (5,) where the arm is [rad].
+            start: Present joints (5,) [rad].
             X_TG: The hand's goal.
-            checker: Distances of the arm to obstacles now.
-            remaining: (K, 5) the rest of its path [rad]: the new path starts with its velocity.
-            duration: That the rest would take [s].
+            checker: Present distances of the arm to obstacles.
+            remaining: Rest of the path (K, 5) [rad], with whose velocity the new path starts.
+            duration: Duration of the rest [s].
         """
         rest = resampled(remaining, self.params.samples)[None]
         return self._adapt(start, X_TG, checker, rest, duration, plan=False)
@@ -198,18 +196,18 @@ class TrajectoryAdapter:
             if self._rank(best) > (True, -self.params.good_cost):
                 break
             if number >= len(references) and best.slack > self.params.accepted_slack:
-                break  # The planner is asked for want of anything else.
+                break  # The path planner is the last resort.
         return best
 
     def _rank(self, path: AdaptedTrajectory) -> tuple[bool, float]:
-        """Order of paths: those that are clear by their cost, others by how much they lack."""
+        """Returns a sort key of paths: clear ones by their cost, others by their slack."""
         clear = path.slack > self.params.accepted_slack
         return clear, -path.cost if clear else path.slack
 
     def _planned(
         self, start: Vector, goals: Vector, checker: ArmCollisionChecker
     ) -> Iterator[tuple[Vector, int]]:
-        """The way that a path planner finds through the map, as one more to start from."""
+        """Yields the path planner's path, if it finds one, as an additional initial path."""
         ends = checker.approximate_distances(np.concatenate((start[None], goals)))
         allowed = np.minimum(ends.min(axis=0), self._clearance.resume)
 
@@ -249,13 +247,13 @@ class TrajectoryAdapter:
         ends: Vector | None = None,
         allowance: float = 0.0,
     ) -> tuple[Vector, Vector]:
-        """Clear postures with the hand at the goal, and what each costs after each demonstration.
+        """Returns clear goal configurations, and the cost of each for each demonstration.
 
         Args:
             X_TG: The hand's goal.
             checker: Distances of the arm to obstacles.
-            ends: (D, 5) the demonstrations' last postures [rad]; if left out those of our own.
-            allowance: How much less clearance than otherwise is enough [m].
+            ends: (D, 5) last postures of the demonstrations [rad]; the adapter's own by default.
+            allowance: By how much the clearance may fall short [m].
 
         Returns:
             The best postures (G, 5) for each demonstration [rad]; and (G, D) their costs.
@@ -274,7 +272,7 @@ class TrajectoryAdapter:
         shared = (turn / params.turn) ** 2 + 2.0 * np.maximum(1.0 - room / 0.1, 0.0) ** 2
         away = np.sum((q[:, None] - ends) ** 2, axis=2) / params.posture**2
         cost = shared[:, None] + away
-        # The cheapest are looked at first: to see whether a posture is clear takes longest.
+        # The cheapest first, as the collision check takes longest.
         order = np.argsort(cost.min(axis=1), kind="stable")
         goals, costs, wanted = q[:0], cost[:0], params.goals_kept * len(ends)
         for first in range(0, len(q), _LOOKED_AT):
@@ -292,7 +290,7 @@ class TrajectoryAdapter:
         return goals[kept], costs[kept]
 
     def _goal_clearance(self, q: Vector, checker: ArmCollisionChecker) -> Vector:
-        """Clearances (M,) at goal postures (M, 5); none where the goal object is too near [m]."""
+        """Returns clearances (M,) of postures (M, 5); -inf if too close to the goal object [m]."""
         off_object = checker.object_distances(q) >= self.params.object_clearance
         clearance = np.full(len(q), -np.inf)
         clearance[off_object] = checker.distances(q[off_object])
@@ -300,7 +298,7 @@ class TrajectoryAdapter:
 
 
 def _different(paths: Vector, cost: Vector, count: int) -> list[int]:
-    """The cheapest path, and then others that differ from those before it by 0.2 rad (rms)."""
+    """Selects the cheapest paths that differ from each other by 0.2 rad (rms)."""
     chosen: list[int] = []
     for number in np.argsort(cost, kind="stable"):
         off = [np.sqrt(np.mean((paths[number] - paths[other]) ** 2)) for other in chosen]

@@ -15,24 +15,24 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass
 class PathCostParams:
-    """Weights of the cost's terms, and what they measure against."""
+    """Weights and scales of the cost's terms."""
 
     end_allowance: float = 0.001
-    """Clearance [m] by which a path near its start and goal may be below theirs."""
+    """Clearance by which a path near its start and goal may be below that at the ends [m]."""
     leaving: float = 0.2
-    """Share of the time over which the wanted clearance rises from what the start allows."""
+    """Fraction of the time in which the desired clearance rises from that of the start."""
     arriving: float = 0.3
-    """The same towards the goal."""
+    """Fraction of the time in which it falls to that of the goal."""
     proximity_weight: float = 20.0
-    """Weight of the sum over spheres of the squared lack of clearance, in `clearance`s."""
+    """Weight of the sum over spheres of the squared missing clearance, relative to `clearance`."""
     slack: float = 300.0
-    """Weight of the greatest lack of clearance, 1/m."""
+    """Weight of the largest missing clearance [1/m]."""
     deviation: float = 0.1
     """Root mean square deviation of the hand from the reference that costs 1 [m]."""
     effort: float = 0.002
-    """Weight of the mean squared joint acceleration, s⁴/rad²."""
+    """Weight of the mean squared joint acceleration [s⁴/rad²]."""
     duration_weight: float = 8.0
-    """Weight of the share of the duration by which a path is too fast."""
+    """Weight of the relative excess of the minimum duration over the duration."""
 
 
 class TrajectoryRating(NamedTuple):
@@ -40,7 +40,7 @@ class TrajectoryRating(NamedTuple):
 
     Attributes:
         cost: (K,).
-        slack: (K,) least of clearance less wanted clearance [m].
+        slack: (K,) least clearance minus desired clearance [m].
     """
 
     cost: Vector
