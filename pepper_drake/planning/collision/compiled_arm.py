@@ -1,6 +1,6 @@
-"""Postures of an arm, their distances on a grid and what paths cost, compiled.
+"""Compiled forward kinematics of an arm, look-ups in a distance grid, and costs of paths.
 
-All that is compiled stands in this file (see `compiled`).
+They share a file, since compiled functions may only call those of their own (see `compiled`).
 """
 
 import math
@@ -15,9 +15,9 @@ Vector = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 Numbers = npt.NDArray[np.int64]
 _ROUNDING = np.float32(3 << 22)
-"""Added to a number below 2²² and taken away again, it leaves the nearest whole one."""
+"""Adding and subtracting it rounds a number below 2²² to the nearest integer."""
 UNKNOWN, ASKED_FOR, READY = range(3)
-"""States of a grid's node: nothing of it is known, it will be measured next, or it was."""
+"""States of a grid's node: not measured, requested, or measured."""
 
 
 class ArmChain(NamedTuple):
@@ -25,12 +25,11 @@ class ArmChain(NamedTuple):
 
     Attributes:
         rotations: (6, 3, 3) of each joint's frame in its parent link, then of the hand in its link.
-        positions: (6, 3) their origins there [m].
-        axis_numbers: (5,) which coordinate axis each joint turns about.
-        senses: (5,) 1 or -1.
-        turned: (6,) whether the rotation is any.
-        rows: (6,) under which number the link after each joint is noted, then the hand; -1 for
-            none.
+        positions: (6, 3) of their origins in the same frames [m].
+        axis_numbers: (5,) index of the coordinate axis that each joint turns about.
+        senses: (5,) sign of the rotation about that axis, 1 or -1.
+        turned: (6,) whether the rotation is not the identity.
+        rows: (6,) output row of the link after each joint, then of the hand; -1 for no output.
     """
 
     rotations: Vector
@@ -42,13 +41,13 @@ class ArmChain(NamedTuple):
 
 
 class Spheres(NamedTuple):
-    """Spheres on an arm's links, and on which layer of a grid each is looked up.
+    """Spheres on an arm's links, and the layer of a grid in which each is looked up.
 
     Attributes:
-        link: (S,) number of the link.
-        centers: (S, 3) in its frame [m].
-        radii: (S,) m.
-        layers: (S,).
+        link: (S,) row of the link.
+        centers: (S, 3) in the link's frame [m].
+        radii: (S,) [m].
+        layers: (S,) index of the layer.
     """
 
     link: Numbers
@@ -61,11 +60,11 @@ class GridArrays(NamedTuple):
     """A `DistanceGrid` of N nodes.
 
     Attributes:
-        table: (L, N, 4) distances [m] and their changes from node to node along each axis.
-        state: (N,) of the nodes; what the table says holds for those that are ready.
-        lower: (3,) the first node [m].
-        density: Nodes a metre.
-        counts: (3,) number of nodes a side.
+        table: (L, N, 4) distances [m] and their differences per node along each axis.
+        state: (N,) of the nodes; the table is valid for those that are READY.
+        lower: (3,) position of the first node [m].
+        density: Nodes per metre.
+        counts: (3,) number of nodes along each axis.
     """
 
     table: Floats
@@ -79,10 +78,10 @@ class CostNumbers(NamedTuple):
     """Numbers of `TrajectoryCost`.
 
     Attributes:
-        hand: (R, 3, N) the references' hand positions [m]; of one for all paths, or of one each.
-        wanted: (R, S, N) clearance wanted of each sphere [m].
-        velocity: (5,) of the joints at most [rad/s].
-        acceleration: (5,) likewise [rad/s²].
+        hand: (R, 3, N) hand positions of the references [m]: one for all paths, or one each.
+        wanted: (R, S, N) desired clearance of each sphere [m].
+        velocity: (5,) velocity limits of the joints [rad/s].
+        acceleration: (5,) acceleration limits of the joints [rad/s²].
         duration: Of the paths [s].
         density: 1 / clearance [1/m].
         weights: (5,) of proximity, slack, deviation, effort and duration.
@@ -108,7 +107,7 @@ def _pose_links(
     axes: Vector,
     origins: Vector,
 ) -> None:
-    """Takes R, p from the torso's pose to the hand's, and notes all poses on the way."""
+    """Advances R, p from the torso's pose to the hand's, and stores the poses of all links."""
     for k in range(6):
         C, (x, y, z) = chain.rotations, chain.positions[k]
         for i in range(3):
@@ -137,7 +136,7 @@ def _pose_links(
 def link_poses(
     joints: Vector, R_FT: Vector, p_FT: Vector, chain: ArmChain
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """The arrays of `ArmPoses` in a frame F, at joints (M, 5) [rad]."""
+    """Returns the arrays of `ArmPoses` in a frame F, at joints (M, 5) [rad]."""
     count, rows = len(joints), chain.rows[5] + 1
     rotations, positions = np.empty((count, rows, 3, 3)), np.empty((count, rows, 3))
     axes, origins = np.empty((count, 5, 3)), np.empty((count, 5, 3))
@@ -153,7 +152,7 @@ def link_poses(
 
 @compiled
 def placed_points(rotations: Vector, positions: Vector, link: Numbers, points: Vector) -> Vector:
-    """Points (S, 3) of links (S,) where poses (M, L, ...) put them, (M, S, 3) [m]."""
+    """Returns points (S, 3) of links (S,) at link poses (M, L, ...), (M, S, 3) [m]."""
     placed = np.empty((len(rotations), len(link), 3))
     for m in range(len(rotations)):
         for s in range(len(link)):
@@ -178,12 +177,12 @@ def reach_point(
 
     Args:
         target: (3,) in T [m].
-        joints: (M, 5) changed [rad].
-        limits: (2, 5) lower and upper, kept by clipping [rad].
+        joints: (M, 5) modified in place [rad].
+        limits: (2, 5) lower and upper position limits, kept by clipping [rad].
         chain: Of the arm.
-        steps: How many.
+        steps: Number of steps.
         damping: See `damped_least_squares` [m/rad].
-        largest: Motion of a joint in one step at most [rad].
+        largest: Largest motion of a joint in one step [rad].
 
     Returns:
         (M,) distances of the hands from the point [m].
@@ -239,7 +238,10 @@ def reach_point(
 
 @compiled
 def looked_up(points: Vector, layers: Numbers, grid: GridArrays) -> tuple[Floats, Numbers]:
-    """Distances (M, S) [m] at points (M, S, 3), valid if no nodes (K,) are missing, and these."""
+    """Returns distances (M, S) [m] at points (M, S, 3), and the nodes (K,) that must be measured.
+
+    The distances are valid if there are none.
+    """
     found, off = np.empty(points.shape[:2], np.float32), np.empty(3, np.float32)
     missing, count = np.empty(len(grid.state), np.int64), 0
     table, density = grid.table, np.float32(grid.density)
@@ -262,16 +264,16 @@ def looked_up(points: Vector, layers: Numbers, grid: GridArrays) -> tuple[Floats
 
 @compiled
 def not_measured(nodes: Numbers, measured: npt.NDArray[np.bool_], counts: Numbers) -> Numbers:
-    """Those of nodes (K,) and of their neighbours that were not measured; they are from now on."""
+    """Returns the unmeasured of nodes (K,) and of their neighbours, and marks them as measured."""
     found, count = np.empty(7 * len(nodes), np.int64), 0
     for node in nodes:
         stride = 1
         for axis in range(2, -1, -1):
             at = node // stride % counts[axis]
-            for way in range(-1 if at > 0 else 0, 2 if at < counts[axis] - 1 else 1):
-                if not measured[node + way * stride]:
-                    measured[node + way * stride] = True
-                    found[count] = node + way * stride
+            for offset in range(-1 if at > 0 else 0, 2 if at < counts[axis] - 1 else 1):
+                if not measured[node + offset * stride]:
+                    measured[node + offset * stride] = True
+                    found[count] = node + offset * stride
                     count += 1
             stride *= counts[axis]
     return found[:count]
@@ -279,9 +281,9 @@ def not_measured(nodes: Numbers, measured: npt.NDArray[np.bool_], counts: Number
 
 @compiled
 def make_rows(nodes: Numbers, values: Floats, grid: GridArrays) -> None:
-    """Fills in the rows of nodes (K,) from distances (L, N): then they are ready.
+    """Fills in the table for nodes (K,) from distances (L, N), and marks them as READY.
 
-    Changes are central differences, per spacing; one-sided ones at the border.
+    Differences per node are central; at the border they are one-sided.
     """
     for node in nodes:
         stride = 1
@@ -302,9 +304,9 @@ def make_rows(nodes: Numbers, values: Floats, grid: GridArrays) -> None:
 def _pose_path(
     cos: Vector, sin: Vector, chain: ArmChain, R: Vector, rotations: Vector, positions: Vector
 ) -> None:
-    """Does what `_pose_links` does for N postures (5, N) at once: one operation, all postures.
+    """Vectorised `_pose_links`: each operation runs over N postures, given by cos, sin (5, N).
 
-    Poses are (L, 3, 3, N) and (L, 3, N), those of the hand last; R (3, 3, N) is for the work.
+    Poses are (L, 3, 3, N) and (L, 3, N), those of the hand last; R (3, 3, N) is workspace.
     """
     count, hand = cos.shape[1], chain.rows[5]
     p = positions[hand]
@@ -356,22 +358,22 @@ def rate_paths(
 ) -> Numbers:
     """Rates paths (K, 5, N) whose cost (K,) is NaN; see `TrajectoryCost`.
 
-    A path that needs nodes of the grid that are not ready keeps the NaN. Loops over the N samples
-    of a path do little each, so that the processor takes several samples at once.
+    The cost of a path that needs nodes which are not READY stays NaN. The inner loops run over the
+    N samples of a path and do little each, so that the compiler can vectorise them.
 
     Args:
-        paths: Of the joints [rad].
-        cos: (K, 5, N) their cosines.
-        sin: (K, 5, N) their sines.
-        cost: Is filled in.
-        slack: (K,) likewise [m].
+        paths: Joint positions [rad].
+        cos: (K, 5, N) cosines of the joint positions.
+        sin: (K, 5, N) sines of the joint positions.
+        cost: (K,) filled in.
+        slack: (K,) filled in [m].
         chain: Of the arm.
         spheres: On its links.
         grid: Distances in T.
-        numbers: Weights, limits, and what the paths are compared with.
+        numbers: Weights, limits, and references of the paths.
 
     Returns:
-        The nodes (M,) that are missing.
+        The nodes (M,) that must be measured.
     """
     missing, found = np.empty(len(grid.state), np.int64), 0
     samples, rows = paths.shape[2], chain.rows[5] + 1
@@ -391,9 +393,9 @@ def rate_paths(
                 rate = path[n] - path[n - 1]
                 fastest = max(fastest, abs(rate))
                 if n > 1:
-                    bend = rate - (path[n - 1] - path[n - 2])
-                    effort += bend * bend
-                    strongest = max(strongest, abs(bend))
+                    change = rate - (path[n - 1] - path[n - 2])
+                    effort += change * change
+                    strongest = max(strongest, abs(change))
             strongest = math.sqrt(strongest / numbers.acceleration[joint]) * spans
             excess = max(excess, fastest / numbers.velocity[joint] * spans, strongest)
         _pose_path(cos[k], sin[k], chain, R, rotations, positions)

@@ -1,4 +1,4 @@
-"""Distances on a grid, for very many look-ups at once."""
+"""Distances on a grid, for large batches of look-ups."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ class Region:
     """A box of grid nodes.
 
     Attributes:
-        lower: (3,) the first node [m].
-        counts: (3,) number of nodes a side.
-        spacing: Between nodes [m].
+        lower: (3,) position of the first node [m].
+        counts: (3,) number of nodes along each axis.
+        spacing: Distance between nodes [m].
     """
 
     lower: Vector
@@ -32,13 +32,13 @@ class Region:
 
     @classmethod
     def of(cls, lower: npt.ArrayLike, upper: npt.ArrayLike, spacing: float) -> "Region":
-        """The region that covers a box (3,), (3,) [m]."""
+        """Returns the region that covers a box (3,), (3,) [m]."""
         low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
         n = np.ceil((high - low) / spacing - 1e-9).astype(int) + 1
         return cls(low, (int(n[0]), int(n[1]), int(n[2])), spacing)
 
     def nodes(self) -> Vector:
-        """The nodes (N, 3), the last coordinate changing fastest [m]."""
+        """Returns the positions of the nodes (N, 3), the last coordinate changing fastest [m]."""
         axes = [
             low + self.spacing * np.arange(n)
             for low, n in zip(self.lower, self.counts, strict=True)
@@ -47,21 +47,21 @@ class Region:
 
 
 class DistanceGrid:
-    """Distance fields on one region, looked up to first order about the nearest node.
+    """Distance fields on one region, to first order about the nearest node.
 
     d(x) = d(n) + grad d(n) · (x - n): where the field is smooth the error is of second order in
-    the spacing, at the price of one look-up. A node is measured when it is first looked up: a
-    search passes a small part of a region.
+    the spacing, at the cost of one look-up. A node is measured when it is first looked up, since a
+    search passes only a small part of a region.
 
     Args:
         region: The nodes.
-        layers: (L, N) most that the distances are at the nodes [m], one row a field.
-        measure: Gives distances (M,) of places (M, 3) [m], which lower those of all layers; left
-            out, the layers are all there is.
+        layers: (L, N) upper bounds of the distances at the nodes [m], one row per field.
+        measure: Returns distances (M,) of positions (M, 3) [m], common to all layers: the smaller
+            of it and the layer's counts. If omitted, the layers are the distances.
 
     Attributes:
         region: The nodes.
-        arrays: What compiled code looks up; missing nodes it hands to `make_ready`.
+        arrays: The grid for compiled code, which returns missing nodes for `make_ready`.
     """
 
     def __init__(
@@ -79,14 +79,14 @@ class DistanceGrid:
         )
 
     def distance(self, points: Vector, layers: npt.NDArray[np.intp]) -> npt.NDArray[np.float32]:
-        """Distances (M, S) [m] at points (M, S, 3); outside the region, those at its border.
+        """Returns distances (M, S) [m] at points (M, S, 3), clamped to the region.
 
         Args:
             points: [m].
-            layers: (S,) which field, for each of the S points.
+            layers: (S,) index of the field of each of the S points.
 
         Raises:
-            ValueError: A point is not finite: what is nowhere is not far from everything.
+            ValueError: A point is not finite.
         """
         if not np.isfinite(points).all():
             raise ValueError("points must be finite")
@@ -97,7 +97,7 @@ class DistanceGrid:
         return np.asarray(found)
 
     def make_ready(self, nodes: npt.NDArray[np.int64]) -> None:
-        """Measures nodes (K,) and their neighbours, for the differences between these."""
+        """Measures nodes (K,), and their neighbours for the differences."""
         counts, values = self.region.counts, self._values
         if self._measure is not None:
             new = not_measured(nodes, self._measured, self.arrays.counts)

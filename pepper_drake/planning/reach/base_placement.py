@@ -289,7 +289,7 @@ class BasePlacementPlanner:
                     found |= self._is_clear_from_near(plan)
                     yield plan
         for scene in () if found else easiest[: params.places_planned]:
-            for plan in evaluator.adapted(scene, bend=False):
+            for plan in evaluator.adapted(scene, deform=False):
                 yield plan
                 if evaluator.is_good(plan):
                     return

@@ -97,7 +97,7 @@ class ReachEvaluator:
         scene: PlanningScene,
         simulated: Vector | None = None,
         *,
-        bend: bool = True,
+        deform: bool = True,
         plan: bool = True,
         allowance: float = 0.0,
     ) -> Iterator[ReachPlan]:
@@ -107,7 +107,7 @@ class ReachEvaluator:
             scene: The planning scene.
             simulated: (K, 5) joints of the movement without adaptation [rad], one more path to
                 start from.
-            bend: Whether demonstrations are adapted; else a path planner alone is asked.
+            deform: Whether demonstrations are deformed; otherwise only the path planner is used.
             plan: Whether a path planner is asked where no demonstration can be adapted.
             allowance: By how much the clearance may fall short [m].
         """
@@ -119,7 +119,7 @@ class ReachEvaluator:
             X_TG,
             scene.checker,
             simulated,
-            bend=bend,
+            deform=deform,
             plan=plan,
             allowance=allowance,
         )

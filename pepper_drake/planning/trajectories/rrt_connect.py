@@ -1,9 +1,8 @@
-"""RRT-Connect: a way for the arm where bending a demonstration finds none.
+"""RRT-Connect: the arm's path planner for scenes in which no deformed demonstration is clear.
 
-Kuffner and LaValle 2000, doi:10.1109/ROBOT.2000.844730. A tree grows towards many random postures
-at once, and all of these motions are checked at once: for a check that is arithmetic on arrays that
-is many times as fast as one motion after the other. The random numbers are the call's own: the same
-call finds the same way.
+Kuffner and LaValle 2000, doi:10.1109/ROBOT.2000.844730. A tree grows towards a batch of random
+postures at a time, whose motions are checked in one vectorised call: many times as fast as one by
+one. The random numbers are seeded in each call: equal calls find equal paths.
 """
 
 from collections.abc import Callable
@@ -15,7 +14,7 @@ import numpy.typing as npt
 Vector = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Free = Callable[[Vector], Mask]
-"""Says which of some postures (M, 5) are free, (M,)."""
+"""Tells which postures (M, 5) are free, (M,)."""
 
 
 @dataclass
@@ -23,26 +22,26 @@ class RrtConnectParams:
     """Size of the search."""
 
     samples: int = 9600
-    """Random postures at most."""
+    """Largest number of random postures."""
     batch: int = 96
-    """Random postures towards which a tree grows at once."""
+    """Random postures per batch."""
     step: float = 0.4
-    """Longest motion by which a tree grows at once [rad]."""
+    """Longest motion between two postures of a tree [rad]."""
     resolution: float = 0.05
-    """Between the postures that are checked along a motion [rad]."""
+    """Largest joint motion between the checked postures of a motion [rad]."""
     shortcuts: int = 60
-    """Attempts to shorten the path that was found."""
+    """Attempts to shorten the path."""
 
 
 class _Tree:
-    """Postures (N, 5), and from which other each was reached."""
+    """Postures (N, 5) and their parents."""
 
     def __init__(self, roots: Vector) -> None:
         self.postures = roots
         self._parents = np.full(len(roots), -1)
 
     def nearest(self, targets: Vector) -> npt.NDArray[np.intp]:
-        """Indices (M,) of the nearest postures to some targets (M, 5)."""
+        """Returns the indices (M,) of the postures nearest to targets (M, 5)."""
         squares = np.sum(self.postures**2, axis=1)
         return np.argmin(squares - 2.0 * targets @ self.postures.T, axis=1)
 
@@ -50,8 +49,8 @@ class _Tree:
         self.postures = np.concatenate((self.postures, postures))
         self._parents = np.concatenate((self._parents, parents))
 
-    def way(self, index: int) -> Vector:
-        """From the root to a posture (K, 5)."""
+    def path(self, index: int) -> Vector:
+        """Returns the postures (K, 5) from the root to a posture."""
         indices = []
         while index >= 0:
             indices.append(index)
@@ -72,13 +71,13 @@ def rrt_connect(
     """Plans from a posture to one of several others.
 
     Args:
-        start: (5,) rad; taken to be free.
-        goals: (G, 5) rad; taken to be free.
-        free: Says which postures are free.
-        lower: (5,) of what is searched [rad].
-        upper: (5,) rad.
-        params: How long to search.
-        seed: Of the random numbers.
+        start: (5,) [rad]; assumed to be free.
+        goals: (G, 5) [rad]; assumed to be free.
+        free: Tells which postures are free.
+        lower: (5,) lower bounds of the searched postures [rad].
+        upper: (5,) upper bounds [rad].
+        params: Size of the search.
+        seed: Seed of the random numbers.
 
     Returns:
         Corners (K, 5) of a shortened path [rad]; None if none was found.
@@ -86,7 +85,7 @@ def rrt_connect(
     rng = np.random.default_rng(seed)
 
     def clear(ones: Vector, others: Vector) -> Mask:
-        """Which straight motions between postures (M, 5) are free in between."""
+        """Tells which straight motions between postures (M, 5) are free."""
         count = int(np.ceil(np.abs(others - ones).max(initial=0.0) / params.resolution))
         if count < 2 or not len(ones):
             return np.ones(len(ones), dtype=bool)
@@ -99,7 +98,8 @@ def rrt_connect(
         """Grows a tree by one motion towards each target (M, 5).
 
         Returns:
-            Which targets it got on to, the new postures, and whether each is its target.
+            Indices of the targets towards which it grew, the new postures, and whether each is its
+            target.
         """
         parents = tree.nearest(targets)
         near = tree.postures[parents]
@@ -118,15 +118,15 @@ def rrt_connect(
     for number in range(-(-params.samples // params.batch)):
         growing, other = trees[number % 2], trees[1 - number % 2]
         _, targets, _ = extend(growing, rng.uniform(lower, upper, (params.batch, len(start))))
-        # From here on these are followed by the other tree, each until something is in its way.
+        # The other tree grows towards each of these until it is blocked.
         indices = np.arange(len(growing.postures) - len(targets), len(growing.postures))
         while len(targets):
             kept, _, there = extend(other, targets)
             if there.any():
                 first = int(np.argmax(there))
                 meeting = (
-                    growing.way(int(indices[kept[first]])),
-                    other.way(len(other.postures) - len(kept) + first),
+                    growing.path(int(indices[kept[first]])),
+                    other.path(len(other.postures) - len(kept) + first),
                 )
                 ahead, behind = meeting if number % 2 == 0 else meeting[::-1]
                 path = np.concatenate((ahead, behind[-2::-1]))

@@ -101,7 +101,7 @@ class TrajectoryAdapter:
         checker: ArmCollisionChecker,
         rollout: Vector | None = None,
         *,
-        bend: bool = True,
+        deform: bool = True,
         plan: bool = True,
         allowance: float = 0.0,
     ) -> AdaptedTrajectory | None:
@@ -112,8 +112,8 @@ class TrajectoryAdapter:
             X_TG: Goal of the hand's position and, as far as possible, orientation.
             checker: Distances of the arm to obstacles.
             rollout: (K, 5) what the demonstration alone would make of it, one more to start from.
-            bend: Whether demonstrations are bent; else the path planner alone is asked.
-            plan: Whether a path planner is asked where no demonstration can be bent to a way.
+            deform: Whether demonstrations are deformed; otherwise only the path planner is used.
+            plan: Whether the path planner is used if no deformed demonstration is clear.
             allowance: By how much the clearance at the goal may fall short [m].
 
         Returns:
@@ -126,7 +126,7 @@ class TrajectoryAdapter:
             own = smoothed(smoothed(resampled(rollout, self.params.samples)))[None]
             demonstrations = np.concatenate((own, demonstrations))
         return self._adapt(
-            start, X_TG, checker, demonstrations, self._duration, plan, allowance, bend
+            start, X_TG, checker, demonstrations, self._duration, plan, allowance, deform
         )
 
     def adapt_remaining(
@@ -158,14 +158,14 @@ class TrajectoryAdapter:
         duration: float,
         plan: bool,
         allowance: float = 0.0,
-        bend: bool = True,
+        deform: bool = True,
     ) -> AdaptedTrajectory | None:
         goals, discomfort = self.goal_postures(X_TG, checker, demonstrations[:, -1], allowance)
         if not len(goals):
             return None
         lower, upper = np.minimum(self._lower, start), np.maximum(self._upper, start)
         references: list[tuple[Vector, int]] = []
-        if bend:
+        if deform:
             shape = len(demonstrations), len(goals)
             origins, ends = (index.ravel() for index in np.indices(shape))
             paths = retarget(demonstrations[origins], start, goals[ends]).clip(lower, upper)
