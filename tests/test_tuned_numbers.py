@@ -59,6 +59,7 @@ ALLOWED = {
     "perception/gaze/head_aiming.py": {
         "geometry": "P_T_NECK HEAD_YAW_LIMIT",
         "numeric": "_HALVINGS",
+        "layout": "_SEARCH_VIEWS",
     },
     "perception/gaze/view_planning.py": {
         "physics": "_NEAREST",

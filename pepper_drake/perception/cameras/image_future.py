@@ -39,6 +39,10 @@ class ImageFuture:
 class _ImmediateExecutor(Executor):
     """Runs functions immediately on the calling thread."""
 
+    def __repr__(self) -> str:
+        """Short, as signatures have it as a default."""
+        return "IMMEDIATE"
+
     def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
         """Runs the function and returns its result as a completed future."""
         future: Future = Future()

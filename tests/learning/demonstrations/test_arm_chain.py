@@ -41,16 +41,13 @@ def test_no_posture_has_the_hand_farther_than_the_arm_is_long(arm):
 
 @settings(max_examples=20)
 @given(st.integers(0, 10_000))
-def test_a_pose_of_the_arm_is_told_from_its_quaternion_in_another_order(seed):
+def test_poses_of_the_arm_are_told_from_their_quaternions_in_another_order(seed):
+    # Of one pose the other order may be another posture's orientation, so the median counts.
     chain = arm_chain("right")
-    joints = np.random.default_rng(seed).uniform(chain.lower, chain.upper)
-    position, rotation = chain.hand(joints[None])
-    other = rotation[:, [3, 0, 1, 2]]
-    near, far = chain.pose_distances(np.tile(position, (2, 1)), np.concatenate((rotation, other)))
-    assert near < 2e-3
-    turn = np.linalg.norm(so3.log_map(so3.multiply(other, so3.conjugate(rotation))))
-    if turn > 0.5:
-        assert far > 2e-3
+    joints = np.random.default_rng(seed).uniform(chain.lower, chain.upper, (20, 5))
+    positions, rotations = chain.hand(joints)
+    assert np.median(chain.pose_distances(positions, rotations)) < 1e-3
+    assert np.median(chain.pose_distances(positions, rotations[:, [3, 0, 1, 2]])) > 0.05
 
 
 def test_limits_and_names_are_the_robots():
