@@ -3,7 +3,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.arm_chain import arm_chain, arm_of, joint_limits
 from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
