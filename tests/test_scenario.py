@@ -79,7 +79,10 @@ def test_clearances_stay_in_their_order():
         (["scene.arm=both"], 'arm is "both"'),
         (["push=[1, 2]"], "push has 2 numbers"),
         (["seed=many"], 'seed is "many"; it must be a whole number'),
-        (["perception.gaze.search.period=0"], "gaze.search.period is 0; it must be positive"),
+        (
+            ["perception.gaze.search.view_duration=0"],
+            "gaze.search.view_duration is 0; it must be positive",
+        ),
         (["perception.gaze.search.first_yaw=2"], "must lie within gaze.search.sweep"),
         (["planner.retreat.durations=[]"], "planner.retreat: sample_time"),
         (["controller.time_step=0"], "controller.time_step is 0; it must be positive"),

@@ -104,7 +104,9 @@ class StateReader:
         self.shortest_trip = min(self.shortest_trip, trip)
         if len(angles) != len(BODY):
             raise LinkFault("wrong_robot", f"its body has {len(angles)} joints, not {len(BODY)}")
-        positions, base_pose = np.array(angles)[self._columns], np.array(base)
+        if len(base) != 3:
+            raise LinkFault("wrong_robot", f"its base pose has {len(base)} numbers, not 3")
+        positions, base_pose = np.array(angles)[self._columns], np.array(base, dtype=float)
         self.hands = [float(angles[BODY.index(name)]) for name in HANDS]
         if not (np.isfinite(positions).all() and np.isfinite(base_pose).all()):
             raise LinkFault("wrong_robot", "it measures what is not a number")

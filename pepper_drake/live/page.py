@@ -39,7 +39,9 @@ _WORDS_STYLE = "padding:0.3em 0.8em 0;line-height:1.35;min-height:7.6em"
 _SIGNALS_WIDTH = 310
 """Width of the panel with the plots [pixels]."""
 _PUT_BACK_PERIOD = 32
-"""Number of frames after which the hand's rings are sent again, wherever they are."""
+"""Number of frames after which the pose of the hand's rings is sent again."""
+_NUDGE = 2e-5
+"""Offset by which that pose differs [m]: viser does not send an unchanged one."""
 _QUIET: tuple[int, int, int] = (118, 132, 150)
 """Colour of the buttons in the tabs."""
 
@@ -237,9 +239,9 @@ class LivePage:
         """Moves the rings to a pose of the hand's guide; they can be dragged if visible."""
         if self._hand.visible != visible:
             self._hand.visible = visible
-        # Who looks on can drag the rings on their own screen: they are put back once in a while.
+        # Spectators can drag the rings on their own screens: a new pose puts them back.
         self._frames += 1
-        self._hand.position = X_WG.translation() + 2e-5 * (self._frames // _PUT_BACK_PERIOD % 2)
+        self._hand.position = X_WG.translation() + _NUDGE * (self._frames // _PUT_BACK_PERIOD % 2)
         self._hand.wxyz = X_WG.rotation().ToQuaternion().wxyz()
 
     def sight(self) -> tuple[Vector, Vector]:

@@ -102,7 +102,7 @@ class LiveSession:
         self._retrace: Retrace | None = None
         self._since = self._notice_until = 0.0
         self._notice = self._why_adapted = ""
-        self._told_of: Movement | None = None
+        self._explained_movement: Movement | None = None
         self.resumed = ""
         if self._folder is not None and self._folder.exists():
             self._restore(self._folder.taught(simulation.arm), at_once=True)
@@ -187,7 +187,7 @@ class LiveSession:
 
     def learn(self) -> None:
         """Learns one movement from all demonstrations."""
-        if not self.is_limp_for("Learn"):
+        if not self.check_limp("Learn"):
             return
         if self.demonstration is None:
             self._notify("There is nothing to learn yet; Record a movement first")
@@ -212,7 +212,7 @@ class LiveSession:
     def reach(self) -> None:
         """Returns the arm to the start of the movement, and performs it."""
         if self.mode == Mode.RECORDED:
-            self.is_limp_for("Reach")
+            self.check_limp("Reach")
         elif self.taught.learned is None:
             self._notify("There is nothing to perform yet; Record a movement, then Learn it")
         else:
@@ -223,16 +223,16 @@ class LiveSession:
     def trim(self, start: float, end: float) -> None:
         """Keeps the part of the last demonstration between two times [s]."""
         motion = self.demonstration
-        if not self.is_limp_for("Trim"):
+        if not self.check_limp("Trim"):
             return
         if motion is None:
             self._notify("There is nothing to trim yet; Record a movement first")
             return
         part = np.flatnonzero((motion.times >= start) & (motion.times <= end))
-        trimmed = motion.selected(part)
         if len(part) == len(motion.times):
             self._notify("That keeps all of it; move the ends of Keep, then Trim")
             return
+        trimmed = motion.selected(part)
         if len(part) < _FEWEST or trimmed.path_length < _SHORTEST_WAY:
             self._notify("That would leave no movement; keep more of it")
             return
@@ -245,7 +245,7 @@ class LiveSession:
 
     def discard(self) -> None:
         """Discards the last demonstration."""
-        if not self.is_limp_for("Discard"):
+        if not self.check_limp("Discard"):
             return
         if not self.shown:
             self._notify("There is nothing to discard yet; Record a movement first")
@@ -279,7 +279,7 @@ class LiveSession:
             return
         before = self._before[-1]
         objects_only = before.taught_the_same(self.taught)
-        if not objects_only and not self.is_limp_for("Undo"):
+        if not objects_only and not self.check_limp("Undo"):
             return
         self._before.pop()
         self._restore(before)
@@ -289,7 +289,7 @@ class LiveSession:
 
     def start_over(self) -> None:
         """Goes back to what the lesson began with; Undo brings the rest back."""
-        if self.is_limp_for("Start over") and self._lesson is not None:
+        if self.check_limp("Start over") and self._lesson is not None:
             try:
                 start = self._of_lesson(self._lesson)
             except InputError as error:
@@ -350,7 +350,7 @@ class LiveSession:
         if self._folder is None:
             self._notify("There is no folder to save in")
         elif self.demonstration is None and self.mode == Mode.RECORDED:
-            self.is_limp_for("Save")
+            self.check_limp("Save")
         elif self.demonstration is None:
             self._notify("There is nothing to save yet; Record a movement first")
         else:
@@ -437,8 +437,8 @@ class LiveSession:
             self.simulation.reach()
             self._doing, self._since = None, self.simulation.time
 
-    def is_limp_for(self, button: str) -> bool:
-        """Tells whether a button of the limp arm makes sense now; if not, the status says why."""
+    def check_limp(self, button: str) -> bool:
+        """Tells whether a button for the limp arm may act; if not, the status says why."""
         if self.mode != Mode.GUIDED:
             doing = "recording" if self.mode == Mode.RECORDED else self.mode
             self._notify(f"Pepper is {doing}; press Stop before {button}")
@@ -475,8 +475,11 @@ class LiveSession:
         if mode == Mode.WAITING:
             return "Something is in the way; the arm has withdrawn and waits for it to go"
         if mode == Mode.REACHING:
-            if state.movement is not self._told_of:
-                self._told_of, self._why_adapted = state.movement, self.simulation.why_adapted()
+            if state.movement is not self._explained_movement:
+                self._explained_movement, self._why_adapted = (
+                    state.movement,
+                    self.simulation.why_adapted(),
+                )
             if self._why_adapted:
                 return f"{left:.0f} mm to go. Adapted: {self._why_adapted}"
             return f"{left:.0f} mm to go; move the goal or what is in the way"

@@ -236,7 +236,7 @@ class LiveApp:
         self.session.trim(start * duration, end * duration)
 
     def _play(self) -> None:
-        if not self.session.is_limp_for("Play"):
+        if not self.session.check_limp("Play"):
             return
         if self.session.demonstration is None:
             self.session.tell("There is nothing to play yet; Record a movement first")
@@ -244,7 +244,7 @@ class LiveApp:
             self._play_from = self.session.simulation.time
 
     def _scrub(self, share: float) -> None:
-        if self.session.is_limp_for("Playback"):
+        if self.session.check_limp("Playback"):
             self._play_from, self._ghost_share = None, share
 
     def _turn(self, action: Action) -> None:

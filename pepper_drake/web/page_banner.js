@@ -1,4 +1,5 @@
-// Says who leads, and that the program that serves the page has ended: viser greys the page out.
+// Says who leads, and whether the program still serves the page, which viser greys out if not.
+const ENDED = "The program has ended, or cannot be reached. Started again, this page goes on.";
 addEventListener("DOMContentLoaded", () => {
   const banner = document.createElement("div");
   banner.className = "banner";
@@ -6,8 +7,8 @@ addEventListener("DOMContentLoaded", () => {
   const show = (text) => { banner.textContent = text; banner.hidden = !text; };
   show(PEPPER_BANNER);
   setInterval(() => fetch(location.href, { method: "HEAD" }).then(
-    ({ status }) => show(status !== 403 ? PEPPER_BANNER
-      : "The program was started again: open the address that it prints now."),
-    () => show("The program has ended, or cannot be reached. Started again, this page goes on."),
+    ({ ok, status }) => show(ok ? PEPPER_BANNER : status === 403
+      ? "The program was started again: open the address that it prints now." : ENDED),
+    () => show(ENDED),
   ), 2000);
 });

@@ -55,6 +55,9 @@ class _Page(GuardedHandler, WebSocketHandler):
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.finish(self._html)
 
+    def head(self, *arguments: str) -> None:
+        """Answers an open page that asks whether the program still serves it."""
+
     def check_origin(self, origin: str) -> bool:
         return True  # `prepare` has checked it.
 

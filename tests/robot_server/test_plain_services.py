@@ -160,8 +160,12 @@ def test_a_place_that_an_event_tells_is_followed_by_head_and_arm():
         followed = pepper.call("ALMotion.getAngles", "RArm", True)
         await pepper.finish(pepper.start("ALTracker.pointAt", "RArm", place, 0, 0.5))
         assert followed == pytest.approx(pepper.call("ALMotion.getAngles", "RArm", True), abs=0.01)
-        pepper.call("ALMemory.raiseEvent", "seen", "nonsense")
-        assert "told nothing of a target by seen" in pepper.lines[-1]
+        logged = len(pepper.lines)
+        for nonsense in ("nonsense", [world, [1, 0], [1]], [[1.0], [1, 0], 1]):
+            pepper.call("ALMemory.raiseEvent", "seen", nonsense)
+        assert [line for line in pepper.lines[logged:] if "no position in the value" in line] == [
+            pepper.lines[logged]
+        ]
         pepper.call("ALTracker.stopTracker")
         assert pepper.call("ALMemory.getData", "ALTracker/ActiveTargetChanged") == ""
         pepper.call("ALMemory.raiseEvent", "seen", [[2.0, 0.0, 1.0], [2, 0], 1])
@@ -179,6 +183,8 @@ def test_nothing_is_tracked_and_nobody_is_told_otherwise():
         assert pepper.call("ALTracker.isTargetLost") is True
         assert pepper.call("ALTracker.isActive") is True
         assert pepper.call("ALTracker.getActiveTarget") == "RedBall"
+        pepper.call("ALTracker.unregisterTarget", "RedBall")
+        assert pepper.call("ALTracker.isActive") is False
         with pytest.raises(ServiceError, match=r"^ALTracker::track: .* was not registered$"):
             pepper.call("ALTracker.track", "Face")
 

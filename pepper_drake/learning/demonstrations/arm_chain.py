@@ -93,7 +93,9 @@ class ArmChain:
         """
         middle, half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
         # Shoulder and elbow yaw decide the branch of the solution.
-        starts = np.stack(np.meshgrid(*([-0.5, 0.5],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        starts = np.stack(np.meshgrid(*([-0.7, 0.0, 0.7],) * 3, indexing="ij"), axis=-1).reshape(
+            -1, 3
+        )
         starts = np.concatenate((starts, np.zeros((len(starts), 2))), axis=1)
         count, tries = len(positions), len(starts)
         q = np.tile(middle + half * starts, (count, 1))

@@ -21,9 +21,9 @@ class HeadSearchParams:
     """Dwell time there [s]."""
     sweep: float = math.radians(60)
     """Largest yaw to either side [rad]: four views this far apart overlap by a third."""
-    period: float = 11.2
-    """Period of the eight views [s]: each takes 1.4 s, of which the head moves for 0.6 s. Three
-    images at 5 Hz must agree."""
+    view_duration: float = 1.4
+    """Duration of each of the eight views [s], of which the head moves for 0.6 s: three images at
+    5 Hz must agree."""
 
 
 @dataclass(unsafe_hash=True)
@@ -102,7 +102,7 @@ class GazeParams:
             "place_grid": self.place_grid,
             "swing_period": self.swing_period,
             "search.sweep": self.search.sweep,
-            "search.period": self.search.period,
+            "search.view_duration": self.search.view_duration,
             "view.hand_distance": self.view.hand_distance,
         }
         for name, value in positive.items():

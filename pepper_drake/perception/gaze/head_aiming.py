@@ -152,13 +152,21 @@ def look_at(camera: HeadCamera, p_TP: npt.ArrayLike) -> Gaze:
     return Gaze(camera, head, offset, offset < 1)
 
 
+_SEARCH_VIEWS = tuple(
+    (third / 3, is_high)
+    for thirds, is_high in (((-1, -3), False), ((-3, -1, 1, 3), True), ((3, 1), False))
+    for third in thirds
+)
+"""Views of the search: yaw towards the arm's side, relative to the largest; whether it is high."""
+
+
 def head_search_pattern(time: float, side: float, params: HeadSearchParams | None = None) -> Vector:
     """Returns head angles of the search for the goal.
 
     Args:
         time: Time since the search began [s].
         side: Side of the reaching arm, 1 left or -1 right.
-        params: Parameters of the sweep; the defaults if None.
+        params: Parameters of the search; the defaults if None.
 
     Returns:
         Head yaw and pitch (2,) [rad], constant for each of eight overlapping views, since a marker
@@ -168,17 +176,9 @@ def head_search_pattern(time: float, side: float, params: HeadSearchParams | Non
     params = params or HeadSearchParams()
     if time < params.first_duration:
         return np.array([side * params.first_yaw, params.low_pitch])
-    view = int(len(_SEARCH_VIEWS) * (time - params.first_duration) / params.period)
+    view = int((time - params.first_duration) / params.view_duration)
     yaw, is_high = _SEARCH_VIEWS[view % len(_SEARCH_VIEWS)]
     return np.array([side * yaw * params.sweep, params.high_pitch if is_high else params.low_pitch])
-
-
-_SEARCH_VIEWS = (
-    *((-1 / 3, False), (-1.0, False)),
-    *((-1.0, True), (-1 / 3, True), (1 / 3, True), (1.0, True)),
-    *((1.0, False), (1 / 3, False)),
-)
-"""Views of the search: yaw towards the arm's side, relative to the largest; whether it is high."""
 
 
 def choose_camera(

@@ -83,7 +83,7 @@ class CostNumbers(NamedTuple):
         velocity: (5,) velocity limits of the joints [rad/s].
         acceleration: (5,) acceleration limits of the joints [rad/s²].
         duration: Of the paths [s].
-        density: 1 / clearance [1/m].
+        inverse_clearance: 1 / clearance [1/m].
         weights: (5,) of proximity, slack, deviation, effort and duration.
     """
 
@@ -92,7 +92,7 @@ class CostNumbers(NamedTuple):
     velocity: Vector
     acceleration: Vector
     duration: float
-    density: float
+    inverse_clearance: float
     weights: Vector
 
 
@@ -329,13 +329,13 @@ def _pose_path(
                     b[n] = u * C[0, 1] + v * C[1, 1] + w * C[2, 1]
                     c[n] = u * C[0, 2] + v * C[1, 2] + w * C[2, 2]
         if k < 5:
-            number, sense, turn, lift = chain.axis_numbers[k], chain.senses[k], cos[k], sin[k]
+            number, sense, cosine, sine = chain.axis_numbers[k], chain.senses[k], cos[k], sin[k]
             for i in range(3):
                 first, second = R[i, (number + 1) % 3], R[i, (number + 2) % 3]
                 for n in range(count):
-                    u, v, w = first[n], second[n], sense * lift[n]
-                    first[n] = u * turn[n] + v * w
-                    second[n] = v * turn[n] - u * w
+                    u, v, w = first[n], second[n], sense * sine[n]
+                    first[n] = u * cosine[n] + v * w
+                    second[n] = v * cosine[n] - u * w
         row = chain.rows[k]
         for i in range(3 if row >= 0 else 0):
             for n in range(count):
@@ -381,7 +381,7 @@ def rate_paths(
     R, rotations = np.empty((3, 3, samples)), np.empty((rows, 3, 3, samples))
     positions, place = np.empty((rows, 3, samples)), np.empty(samples, np.float32)
     offs, node = np.empty((3, samples), np.float32), np.empty(samples, np.float32)
-    density, scale = np.float32(grid.density), np.float32(numbers.density)
+    density, scale = np.float32(grid.density), np.float32(numbers.inverse_clearance)
     for k in range(len(paths)):
         if not math.isnan(cost[k]):
             continue

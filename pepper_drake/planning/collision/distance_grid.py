@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.planning.collision.compiled_arm import (
+    UNKNOWN,
     GridArrays,
     looked_up,
     make_rows,
@@ -102,6 +103,11 @@ class DistanceGrid:
         if self._measure is not None:
             new = not_measured(nodes, self._measured, self.arrays.counts)
             places = np.stack(np.unravel_index(new, counts), axis=1)
-            distances = self._measure(self.region.lower + self.region.spacing * places)
+            try:
+                distances = self._measure(self.region.lower + self.region.spacing * places)
+            except BaseException:  # Interrupted by the user: what was not measured stays unknown.
+                self._measured[new] = False
+                self.arrays.state[nodes] = UNKNOWN
+                raise
             values[:, new] = np.minimum(values[:, new], distances)
         make_rows(nodes, values, self.arrays)

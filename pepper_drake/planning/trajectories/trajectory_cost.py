@@ -103,11 +103,17 @@ class TrajectoryCost:
         )
 
     def __call__(self, paths: Vector) -> TrajectoryRating:
-        """Rates paths (K, N, 5)."""
+        """Rates paths (K, N, 5).
+
+        Raises:
+            ValueError: There are several references, but not one for each path.
+        """
         checker, count = self._checker, len(paths)
+        if len(self._numbers.hand) not in (1, count):
+            raise ValueError(f"{count} paths cannot be rated against {len(self._numbers.hand)}")
         cost, slack = np.full(count, np.nan), np.full(count, -np.inf, np.float32)
         joints = np.ascontiguousarray(paths.swapaxes(1, 2))
-        cos, sin = np.cos(joints), np.sin(joints)  # By several at once, as compiled code does not.
+        cos, sin = np.cos(joints), np.sin(joints)  # Vectorised, unlike in compiled code.
         while True:
             missing = rate_paths(
                 joints,

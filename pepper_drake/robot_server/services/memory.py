@@ -72,14 +72,14 @@ class Memory(Module):
         except (ValueError, TypeError, ServiceError):
             return None
 
-    def listen(self, name: str, told: Callable[[Any], None]) -> None:
-        """Has an event of that name call a function of ours."""
+    def listen(self, name: str, callback: Callable[[Any], None]) -> None:
+        """Has events of a name call a function of this process with their values."""
         self._events.add(name)
-        self._listeners.append((name, told))
+        self._listeners.append((name, callback))
 
-    def stop_listening(self, told: Callable[[Any], None]) -> None:
-        """Calls a function no more, whatever it listens to."""
-        self._listeners = [known for known in self._listeners if known[1] != told]
+    def stop_listening(self, callback: Callable[[Any], None]) -> None:
+        """No longer calls a function."""
+        self._listeners = [known for known in self._listeners if known[1] != callback]
 
     # NAOqi's methods.
 
@@ -237,9 +237,6 @@ class Memory(Module):
         return [[key, self._descriptions.get(key, "")] for key in keys]
 
     def _notify(self, name: str, value: Any) -> None:
-        for event, callback in self._listeners:
-            if event == name:
-                callback(value)
         for service in list(self._subscribers.get(name, ())):
             service.emit("signal", value)
         finder = self._finder()
@@ -254,6 +251,9 @@ class Memory(Module):
                 # The loop itself only holds weak references to tasks.
                 self._pending.add(call)
                 call.add_done_callback(self._pending.discard)
+        for event, callback in self._listeners:
+            if event == name:
+                callback(value)
 
 
 async def _call(

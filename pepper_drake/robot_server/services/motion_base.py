@@ -148,7 +148,7 @@ class BaseMoves:
 
     def get_robot_position(self, _use_sensors: bool) -> list[float]:
         """Returns the base's pose in the world by odometry: x, y [m], theta in [-pi, pi] [rad]."""
-        return _told(self.state.base_pose)
+        return _with_wrapped_angle(self.state.base_pose)
 
     def get_next_robot_position(self) -> list[float]:
         """Returns the base's pose at the end of the current move."""
@@ -157,7 +157,7 @@ class BaseMoves:
             for task in self._moves()
             if isinstance(task.motion, PoseMove) and task.motion.goal is not None
         ]
-        return _told(goals[-1] if goals else self.state.base_pose)
+        return _with_wrapped_angle(goals[-1] if goals else self.state.base_pose)
 
     def get_support_polygon(self, frame: int, _use_sensors: bool) -> list[list[float]]:
         """Returns where the wheels stand, x, y [m] in the world (1) or in the base's frame (2)."""
@@ -186,7 +186,7 @@ async def _ended(task: Task) -> None:
     await future
 
 
-def _told(pose: Pose) -> list[float]:
+def _with_wrapped_angle(pose: Pose) -> list[float]:
     """Returns a pose as robots tell it: programs that wait for a full turn count on the step."""
     x, y, theta = pose
     return [x, y, math.remainder(theta, 2 * math.pi)]

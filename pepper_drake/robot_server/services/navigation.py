@@ -73,7 +73,7 @@ class Navigation(Module):
         self._X_WM = np.zeros(3)  # Pose of the map in the odometry's world.
         self._path = ""
         self._is_localized = False
-        self._gathers = False
+        self._is_gathering = False
         self._work: asyncio.Task[int] | None = None
         self.move_to = moves.move_to
         self.move = moves.move
@@ -149,13 +149,13 @@ class Navigation(Module):
 
     def start_free_zone_update(self) -> None:
         """Would gather what the lasers see; `stopAndComputeFreeZone` takes what they see then."""
-        self._gathers = True
+        self._is_gathering = True
 
     async def stop_and_compute_free_zone(self, radius: float, farthest: Any) -> list[Any]:
         """As `findFreeZone`, 1 where `startFreeZoneUpdate` was not called before."""
-        if not self._gathers:
+        if not self._is_gathering:
             return [_FAILED, 0.0, [0.0, 0.0]]
-        self._gathers = False
+        self._is_gathering = False
         farthest = farthest[0] if isinstance(farthest, list | tuple) and farthest else farthest
         return await self.find_free_zone(radius, farthest)
 

@@ -28,13 +28,13 @@ _ROUNDS = 6
 """Iterations until the hand is on the line to the position; each removes most of the error."""
 
 _FOLLOWING = 0.5
-"""Share of the largest speed at which a target is followed."""
+"""Fraction of the largest speed at which a target is followed."""
 
 _LEAST_TIME_OUT = 1.0
-"""Time without news after which a target is lost, where no longer one was set [s]."""
+"""Shortest time without an event after which a target is lost [s]."""
 
-_EYES = {0: CAMERA_TOP, 1: CAMERA_TOP, 2: CAMERA_BOTTOM}
-"""Camera that looks at a target, by the number in its event; that between the eyes is near."""
+_CAMERAS = {0: CAMERA_TOP, 1: CAMERA_TOP, 2: CAMERA_BOTTOM}
+"""Camera that looks at a target, by the number of the eye in its event."""
 
 _ORIGIN = (0.0, 0.0, 0.0)
 
@@ -50,8 +50,9 @@ class Tracker(Module):
         self._motion = motion
         self._memory = memory
         self._active = ""
+        self._has_logged = False
         self._p_WP: Vector | None = None
-        self._told = -math.inf
+        self._last_seen = -math.inf
         self._is_new = False
         self._effector = "None"
         self._mode = "Head"
@@ -107,13 +108,13 @@ class Tracker(Module):
         return bool(self._active)
 
     def is_new_target_detected(self) -> bool:
-        """Returns whether there was news of the target since its position was asked for."""
+        """Returns whether the target was seen since its position was last requested."""
         return self._is_new
 
     def is_target_lost(self) -> bool:
         """Returns whether the target's position is older than the timeout."""
         time_out = max(self._timeout / 1e3, _LEAST_TIME_OUT)
-        return self._motion.state.time - self._told > time_out
+        return self._motion.state.time - self._last_seen > time_out
 
     def get_active_target(self) -> str:
         """Returns the target or event that is followed, or an empty string."""
@@ -140,17 +141,20 @@ class Tracker(Module):
         self._targets[target] = parameters
 
     def unregister_target(self, target: str) -> None:
-        """Unregisters a target."""
+        """Unregisters a target, which is no longer followed."""
         self._targets.pop(target, None)
+        if target == self._active:
+            self._follow("")
 
     def unregister_targets(self, targets: list[str]) -> None:
         """Unregisters targets."""
         for target in targets:
-            self._targets.pop(target, None)
+            self.unregister_target(target)
 
     def unregister_all_targets(self) -> None:
-        """Unregisters all targets."""
+        """Unregisters all targets, and stops following."""
         self._targets.clear()
+        self._follow("")
 
     get_target_names = get_supported_targets
     get_managed_targets = get_registered_targets
@@ -174,7 +178,7 @@ class Tracker(Module):
         The base does not move in any mode.
         """
         self._follow(event)
-        self._memory.listen(event, self._news)
+        self._memory.listen(event, self._on_event)
 
     def stop_tracker(self) -> None:
         """Stops following, looking and pointing."""
@@ -230,8 +234,8 @@ class Tracker(Module):
         return self._range
 
     def initialize(self) -> None:
-        """Unregisters all targets, and resets effector and mode."""
-        self._targets.clear()
+        """Unregisters all targets, stops following, and resets effector and mode."""
+        self.unregister_all_targets()
         self._effector, self._mode = "None", "Head"
 
     def set_relative_position(self, position: Any) -> None:
@@ -243,26 +247,31 @@ class Tracker(Module):
         return self._relative
 
     def _follow(self, target: str) -> None:
-        self._memory.stop_listening(self._news)
+        self._memory.stop_listening(self._on_event)
         if target != self._active:
-            self._active, self._p_WP, self._told, self._is_new = target, None, -math.inf, False
+            self._active, self._p_WP, self._last_seen, self._is_new = target, None, -math.inf, False
+            self._has_logged = False
             self._memory.raise_event("ALTracker/ActiveTargetChanged", target)
 
-    def _news(self, value: Any) -> None:
-        """Turns head and arms to where an event tells that the target is."""
+    def _on_event(self, value: Any) -> None:
+        """Turns head and arms to the position in an event's value."""
         try:
-            in_world = len(value[1]) == 2  # A time; else a second place comes before it.
+            in_world = len(value[1]) == 2  # A time; otherwise a second position precedes it.
             frame = FRAME_WORLD if in_world else FRAME_TORSO
-            p_T = self._in_torso(numbers(value[0][:3], 3, "the place"), frame)
-            eye = value[2 if in_world else 3]
+            p_T = self._in_torso(numbers(value[0][:3], 3, "the position"), frame)
+            camera = _CAMERAS.get(value[2 if in_world else 3])
         except (ValueError, TypeError, IndexError, KeyError):
-            self._log(f"ALTracker is told nothing of a target by {self._active}: {value!r:.80}")
+            if not self._has_logged:
+                self._log(
+                    f"ALTracker finds no position in the value of {self._active}: {value!r:.80}"
+                )
+                self._has_logged = True
             return
         self._p_WP = self._transform(FRAME_WORLD) @ p_T
-        self._told, self._is_new = self._motion.state.time, True
+        self._last_seen, self._is_new = self._motion.state.time, True
         targets: dict[str, float] = {}
-        if eye in _EYES:
-            yaw, pitch = clamp_head(aim_head(_EYES[eye], p_T)).tolist()
+        if camera is not None:
+            yaw, pitch = clamp_head(aim_head(camera, p_T)).tolist()
             targets |= {"HeadYaw": yaw, "HeadPitch": pitch}
         if self._effector != "None":
             targets |= _point(_arm(self._effector, p_T), p_T)

@@ -119,7 +119,11 @@ class ClientObject:
         The overload that takes most of the arguments gets as many as it takes: NAOqi's modules
         in Python may leave out an event's last arguments, or take all as `*arguments`.
         """
-        taken = {m: _taken(m.parameters, len(arguments)) for m in self._methods if m.name == method}
+        taken = {
+            m: _accepted_count(m.parameters, len(arguments))
+            for m in self._methods
+            if m.name == method
+        }
         found = max(taken, key=lambda m: taken[m], default=None)
         if found is None or taken[found] < 0:
             raise ServiceError(f"the client's object has no {method} of {len(arguments)} arguments")
@@ -133,8 +137,8 @@ class ClientObject:
         )
 
 
-def _taken(parameters: str, given: int) -> int:
-    """Returns how many of the given arguments a method takes; -1 where it needs more."""
+def _accepted_count(parameters: str, given: int) -> int:
+    """Returns how many of the given arguments a method accepts; -1 if it needs more."""
     parsed: Signature = parse_signature(parameters)
     if parsed.letter == "m":  # Any number, sent as a tuple in one dynamic value.
         return given

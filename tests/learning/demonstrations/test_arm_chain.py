@@ -45,7 +45,7 @@ def test_poses_of_the_arm_are_told_from_their_quaternions_in_another_order(seed)
     chain = arm_chain("right")
     joints = np.random.default_rng(seed).uniform(chain.lower, chain.upper, (20, 5))
     positions, rotations = chain.hand(joints)
-    assert np.median(chain.pose_distances(positions, rotations)) < 1e-3
+    assert chain.pose_distances(positions, rotations).max() < 2e-3
     assert np.median(chain.pose_distances(positions, rotations[:, [3, 0, 1, 2]])) > 0.05
 
 
