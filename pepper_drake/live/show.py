@@ -358,7 +358,7 @@ class LiveApp:
             unit = "frame" if round(frames) == 1 else "frames"
             self._hint = f"{frames:.0f} {unit} per second, {rate:.2f} times real time"
             if rate < _SLOW:
-                self._hint += ". Slow: this computer does not keep up"
+                self._hint += ": too slow"
                 if self.session.simulation.diagram.station.config.cameras:
                     self._hint += "; teach.py --no-cameras is faster"
             self._pace = pace
