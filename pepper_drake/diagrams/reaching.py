@@ -1,5 +1,6 @@
 """Reaching: Pepper's station, perception, supervisor, controller and safety in one diagram."""
 
+from dataclasses import replace
 from functools import partial
 from typing import cast
 
@@ -109,8 +110,11 @@ class Reaching(Diagram):
         station, compliance, model = self.station, config.compliance, self.station.control_model
         self.perception = add("perception", HeadPerception(scene, station, config.perception))
         self.perception.connect(self._builder, station)
+        params = config.planner
+        if not self._is_simulated:  # A link commands head and arm only.
+            params = replace(params, lean=replace(params.lean, hip_pitch=[]))
         task = ReachTask.in_scene(
-            scene, model, coupling, config.ik, config.planner, config.station.camera_period
+            scene, model, coupling, config.ik, params, config.station.camera_period
         )
         self.planner = config.planner_class(self.primitive, task)
         planner, timing = faulty(self.planner, config.timing, self._faults)
@@ -177,7 +181,7 @@ class Reaching(Diagram):
         wire(perception, safety, "cloud", "predicted_cloud", *clouds, "goal_gap")
         wire(perception, safety, head_position_command="head_command")
         wire(station, safety, "joint_position", "base_pose", "measurement_age", "missing_joint")
-        wire(supervisor, safety, "base_goal", "started")
+        wire(supervisor, safety, "base_goal", "hip_pitch_goal", "started")
         wire(controller, safety, "limp", active="arm_active")
         wire(controller, safety, position_command="arm_command", velocity_command="arm_velocity")
         wire(safety, supervisor, "arrived", "base_blocked", "stop_reason", "stop_joint")

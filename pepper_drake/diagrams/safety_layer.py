@@ -27,6 +27,7 @@ from pepper_drake.systems.robot.body_watch import BodyWatch
 from pepper_drake.systems.robot.cloud_clearance import CloudClearance
 from pepper_drake.systems.robot.joint_command_merge import JointCommandMerge
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
+from pepper_drake.systems.robot.torso_lean import LeanMotion, TorsoLean
 
 _MONITORED = ("measurement_age", "missing_joint", "goal_gap", "reset")
 """Inputs used by the safety monitor alone."""
@@ -62,6 +63,9 @@ class SafetyParams:
     """`base` of a robot over a network link, whose base is sent to poses, as by ALMotion's
     `moveTo`, with these tolerances."""
 
+    lean: LeanMotion = field(default_factory=LeanMotion)
+    """Leaning forward at the hip."""
+
     def over_link(self) -> "SafetyParams":
         """Returns the parameters for a robot over a network link."""
         return replace(self, longest_gap=self.link_gap, base=self.link_base)
@@ -84,6 +88,7 @@ class SafetyLayer(Diagram):
         - arm_active
         - limp
         - base_goal
+        - hip_pitch_goal
         - started
         - joint_position
         - arm_position
@@ -104,9 +109,10 @@ class SafetyLayer(Diagram):
         - stop_joint
 
     Inputs: the clouds in W and T (PointCloud); `head_command` (2), `arm_command` (5) [rad] and
-    `arm_velocity` (5) [rad/s], as desired; `base_goal` x, y [m], yaw [rad] in W; `arm_active`
-    (1), not zero while the arm moves by itself; `started` (1), not zero once it has started; the
-    others: see `SafetyMonitor`. Outputs: `joint_position_command` (15) [rad] and
+    `arm_velocity` (5) [rad/s], as desired; `base_goal` x, y [m], yaw [rad] in W; `hip_pitch_goal`
+    (1) [rad]; `arm_active` (1), not zero while the arm moves by itself; `started` (1), not zero
+    once it has started; the others: see `SafetyMonitor`. Outputs: `joint_position_command` (15)
+    [rad] and
     `base_velocity_command` (3) [m/s, m/s, rad/s]; `clearance` of the arm and `body_clearance` to
     the cloud [m]; `predicted_clearance` to predicted obstacles that the arm's own motion approaches
     [m]; `base_blocked` (1), 1 while an obstacle blocks the base; the others: see `SafetyMonitor`
@@ -140,7 +146,11 @@ class SafetyLayer(Diagram):
         arm, start, period = scene.arm, scene.robot.positions(), params.time_step
         builder = DiagramBuilder()
         add = builder.AddNamedSystem
-        parts = {"head": JOINT_GROUPS["head"], "arm": arm_joints(arm)}
+        parts = {
+            "head": JOINT_GROUPS["head"],
+            "arm": arm_joints(arm),
+            "body": JOINT_GROUPS["body"],
+        }
         merge = add("joint_commands", JointCommandMerge(parts, start))
         shapes = ExactDistance(model, arm_kinematics(model, arm))
         arm_watch = add(
@@ -178,6 +188,9 @@ class SafetyLayer(Diagram):
             ),
         )
         driver = add("base_driver", BasePositionController(params.base))
+        lean = add("torso_lean", TorsoLean(start, params.lean, time_step=control_period))
+        connect(builder, driver, lean, arrived="base_arrived")
+        connect(builder, lean, merge, "body_command")
         wanted = faults.tap(
             builder, "commands", {"position": (Role.VALUE, merge.get_output_port())}
         )
@@ -193,7 +206,8 @@ class SafetyLayer(Diagram):
         stops = add("base_stop", Adder(2, 1))
         for k, (watch, reason) in enumerate(((monitor, "stop_reason"), (body_watch, "stop_base"))):
             builder.Connect(watch.GetOutputPort(reason), stops.get_input_port(k))
-        builder.Connect(stops.get_output_port(), driver.GetInputPort("stop"))
+        for mover in (driver, lean):
+            builder.Connect(stops.get_output_port(), mover.GetInputPort("stop"))
         inputs: dict[str, tuple[tuple[System, str], ...]] = {
             "cloud": ((body_watch, "cloud"),),
             "predicted_cloud": ((body_watch, "predicted_cloud"),),
@@ -205,6 +219,7 @@ class SafetyLayer(Diagram):
             "arm_active": ((arm_watch, "active"),),
             "limp": ((monitor, "limp"),),
             "base_goal": ((driver, "base_goal"),),
+            "hip_pitch_goal": ((lean, "hip_pitch_goal"),),
             "started": ((body_watch, "active"),),
             "joint_position": ((monitor, "joint_position"), (body_watch, "joint_position")),
             "arm_position": ((arm_watch, "joint_position"),),
@@ -216,7 +231,7 @@ class SafetyLayer(Diagram):
         for name, output in (
             ("joint_position_command", (monitor, "safe_joint_position_command")),
             ("base_velocity_command", (driver, "base_velocity_command")),
-            ("arrived", (driver, "arrived")),
+            ("arrived", (lean, "arrived")),
             ("clearance", (arm_watch, "clearance")),
             ("body_clearance", (body_watch, "clearance")),
             ("predicted_clearance", (arm_watch, "predicted_approach_clearance")),

@@ -85,6 +85,7 @@ class ReachSupervisor(LeafSystem):
         - movement
         - started
         - base_goal
+        - hip_pitch_goal
         - mode
         - movement_origin
         - look_at
@@ -107,9 +108,10 @@ class ReachSupervisor(LeafSystem):
     Movement, whose X_OG replaces the goal as well.
     Outputs: `movement`, abstract Movement: the running one, with its number, or with number 0 the
     next one or that of a braking arm; `started` (1), whether the arm reaches or has reached;
-    `base_goal` (3) [m, rad], NaN for "stay"; `mode` (1), a `ReachMode`; `movement_origin` (1), the
-    `Origin` of the performed movement; `look_at` (3), a point in W for the head to look at [m], NaN
-    for none; `speed` (1), speed scale of the movement; `progress`, the whole `ReachState`.
+    `base_goal` (3) [m, rad] and `hip_pitch_goal` (1) [rad], NaN for "stay"; `mode` (1), a
+    `ReachMode`; `movement_origin` (1), the `Origin` of the performed movement; `look_at` (3), a
+    point in W for the head to look at [m], NaN for none; `speed` (1), speed scale of the movement;
+    `progress`, the whole `ReachState`.
     State: `ReachState` (abstract), every `timing.time_step`.
     """
 
@@ -179,6 +181,7 @@ class ReachSupervisor(LeafSystem):
         state = {self.abstract_state_ticket(self._state)}
         self._declare_output("started", 1, lambda now: [now.has_started], state)
         self._declare_output("base_goal", 3, lambda now: now.base_goal, state)
+        self._declare_output("hip_pitch_goal", 1, lambda now: [now.hip_pitch_goal], state)
         self._declare_output("mode", 1, lambda now: [now.mode], state)
         self._declare_output("movement_origin", 1, lambda now: [now.performed_origin], state)
         self._declare_output("look_at", 3, lambda now: now.look_at, state)

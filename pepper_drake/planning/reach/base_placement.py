@@ -1,7 +1,6 @@
 """Base placement: candidate base poses, and the best plan over all of them."""
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -110,8 +109,10 @@ class BasePlacement:
         shoulder = self._model.plant.GetJointByName(
             JOINT_GROUPS[f"{self._arm}_arm"][0]
         ).frame_on_parent()
-        p_TS = shoulder.GetFixedPoseInBodyFrame().translation()
-        preferred = self._preferred_goal(p_TS)
+        # In a frame at the torso's origin that does not lean with it.
+        R_BT = X_BT.rotation()
+        p_TS = R_BT @ shoulder.GetFixedPoseInBodyFrame().translation()
+        preferred = self._preferred_goal(p_TS, R_BT @ self._demonstrated_goal)
         # The robot faces the direction of the fingers.
         fingers = X_WG.rotation().col(0)
         heading = np.arctan2(fingers[1], fingers[0])
@@ -141,9 +142,9 @@ class BasePlacement:
                 yaw,
             )
 
-    def _preferred_goal(self, p_TS: Vector) -> Vector:
-        """Returns x and y (2,) in T of the demonstration's end, or the default if out of reach."""
-        params, goal = self._params, self._demonstrated_goal
+    def _preferred_goal(self, p_TS: Vector, goal: Vector) -> Vector:
+        """Returns x and y (2,) of the demonstration's end, or the default if out of reach [m]."""
+        params = self._params
         if np.linalg.norm(goal - p_TS) <= params.reach + 0.02 and goal[0] > 0.1:
             return goal[:2]
         side = 1.0 if self._arm == "left" else -1.0
@@ -180,23 +181,35 @@ class BasePlacementPlanner:
     Args:
         evaluator: Simulates, evaluates and adapts movements.
         places: Generates the candidates.
+
+    Attributes:
+        places: As given.
     """
 
     def __init__(self, evaluator: ReachEvaluator, places: BasePlacement) -> None:
-        self._evaluator, self._places = evaluator, places
+        self._evaluator, self.places = evaluator, places
 
-    def plan(self, observation: Observation) -> ReachPlan:
-        """Returns the best plan over all base placements; see `Planner`."""
+    def plan(
+        self,
+        observation: Observation,
+        is_suitable: HasRoom = lambda places: np.isfinite(places[:, 0]),
+    ) -> ReachPlan:
+        """Returns the best plan over all suitable base placements; see `Planner`."""
         poses = (observation.base_pose, observation.joint_position, observation.X_WO)
-        if not self._places.is_reachable(*poses):
+        if not self.places.is_reachable(*poses):
             return ReachPlan(
                 PlanStatus.OUT_OF_REACH,
                 "the goal is higher or lower than the arm can reach",
                 observation.base_pose,
             )
 
-        field = self._standing_field(observation)
-        has_room = partial(self.has_room, observation=observation, field=field)
+        field = self.standing_field(observation)
+
+        def has_room(places: Vector) -> npt.NDArray[np.bool_]:
+            suitable = is_suitable(places)
+            suitable[suitable] = self.has_room(places[suitable], observation, field)
+            return suitable
+
         scenes = self._evaluator.scenes
         obstacles = scenes.obstacle_field(observation)
         usual, wide = (
@@ -204,7 +217,7 @@ class BasePlacementPlanner:
                 scenes(observation.from_base_pose(pose), obstacles)
                 for pose in candidates(*poses, has_room)
             )
-            for candidates in (self._places, self._places.wide_candidates)
+            for candidates in (self.places, self.places.wide_candidates)
         )
         best: ReachPlan | None = None
         for plan in self._plans(usual, wide):
@@ -236,16 +249,16 @@ class BasePlacementPlanner:
         """
         params, joints = self._evaluator.params, observation.joint_position
         if field is None:
-            field = self._standing_field(observation)
+            field = self.standing_field(observation)
         standing, driving = params.body_clearance - lost, params.drive_clearance - lost
-        free = self._places.body_clearances(places, joints, field, standing) >= standing
-        drive = self._places.drive_clearances(
+        free = self.places.body_clearances(places, joints, field, standing) >= standing
+        drive = self.places.drive_clearances(
             observation.base_pose, places[free], joints, field, driving
         )
         free[free] = drive >= driving
         return free
 
-    def _standing_field(self, observation: Observation) -> PointCloudDistance:
+    def standing_field(self, observation: Observation) -> PointCloudDistance:
         """Returns distances to the obstacles, extended to the floor where that is hidden."""
         params, obstacles = self._evaluator.params, observation.obstacles
         if observation.space is not None and params.unseen.drive:

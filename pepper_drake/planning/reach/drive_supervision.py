@@ -88,9 +88,11 @@ class DriveSupervision:
         if plan.status != PlanStatus.CLEAR:
             return state.fail(time, plan.status.value, plan.message)
         x, y, yaw = plan.base_pose
+        leans = plan.hip_pitch is not None
         return replace(
             state.to(ReachMode.DRIVING, time),
             base_pose_wanted=(x, y, yaw),
+            hip_pitch_wanted=plan.hip_pitch if leans else state.hip_pitch_wanted,
             places=state.places + 1,
             placement=plan,
             plan=None,
@@ -107,7 +109,7 @@ class DriveSupervision:
         return replace(looking, placement=plan, look_at=(x, y, z))
 
     def drive(self, state: ReachState) -> ReachState:
-        """Waits until the base arrives; without depth images the base stands still."""
+        """Waits until base and torso arrive; without depth images both stand still."""
         time, is_blind = self._time, self._observation.cloud_age > self._timing.cloud_timeout
         if is_blind:
             state = replace(state, braking=True, blind=state.blind + self._timing.time_step)

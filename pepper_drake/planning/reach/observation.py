@@ -10,6 +10,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
+from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
@@ -18,6 +19,8 @@ from pepper_drake.short_repr import short_repr, short_signature
 
 Vector = npt.NDArray[np.float64]
 
+HIP_PITCH = BODY_JOINTS.index("HipPitch")
+"""Index of the hip's joint that leans the torso forward."""
 _FUTURE = -0.1
 """An image of a lower age was stamped by a wrong clock [s]."""
 
@@ -159,6 +162,17 @@ class Observation:
     def with_arm(self, arm: ArmState) -> Observation:
         """Returns the observation with another arm command."""
         return replace(self, arm=arm)
+
+    @property
+    def hip_pitch(self) -> float:
+        """Angle of the hip [rad]: negative when the torso leans forward."""
+        return float(self.joint_position[HIP_PITCH])
+
+    def with_hip_pitch(self, hip_pitch: float) -> Observation:
+        """Returns the observation with the hip at another angle [rad]."""
+        joints = self.joint_position.copy()
+        joints[HIP_PITCH] = hip_pitch
+        return replace(self, joint_position=joints)
 
     def from_base_pose(self, base_pose: Vector) -> Observation:
         """Returns the observation with the base at another pose (3,) [m, rad]."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from pepper_drake.errors import InputError
 from pepper_drake.planning.collision.clearance_table import ClearanceTable
+from pepper_drake.planning.reach.lean_params import LeanParams
 from pepper_drake.planning.reach.separation import SeparationParams
 from pepper_drake.planning.reach.steadiness import SteadinessParams
 from pepper_drake.planning.reach.support_surface import SupportSurfaceParams
@@ -160,6 +161,8 @@ class ReachPlannerParams:
     places_planned: int = 20
     """Base placements for which the path planner is asked at most, if no movement can be adapted:
     each costs 0.1 s of a processor."""
+    lean: LeanParams = field(default_factory=LeanParams)
+    """Leaning forward to low goals."""
     places_searched: int = 40
     """Number of base placements that are ranked if none of the usual ones is good enough."""
 

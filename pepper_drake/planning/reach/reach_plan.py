@@ -49,6 +49,7 @@ class ReachPlan:
         unseen: (K, 3) largest unseen region in W [m] of the volume swept by the arm or, for a base
             placement, by the whole robot on its drive.
         out_of_view: Volume of it that cannot be seen from the present base pose [m³].
+        hip_pitch: Hip angle to lean to at a base placement [rad]; None to stay as now.
     """
 
     __repr__ = short_repr
@@ -65,6 +66,7 @@ class ReachPlan:
     time_step: float = CONTROL_PERIOD
     unseen: Vector = field(default_factory=lambda: np.zeros((0, 3)))
     out_of_view: float = 0.0
+    hip_pitch: float | None = None
 
     def flaw(self, p_WO: Vector, reach: float) -> str | None:
         """Returns a sentence about a value that no correct planner returns, or None.
@@ -78,6 +80,8 @@ class ReachPlan:
         distance = float(np.linalg.norm(self.base_pose[:2] - p_WO[:2]))
         if distance > reach:
             return f"the planner placed the base {distance:.1f} m from the goal"
+        if self.hip_pitch is not None and not np.isfinite(self.hip_pitch):
+            return "the planner gave a hip angle that is not a number"
         if self.joint_path is not None and not np.isfinite(self.joint_path).all():
             return "the planner gave joint angles that are not numbers"
         return None

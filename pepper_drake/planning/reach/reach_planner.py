@@ -1,6 +1,7 @@
 """The reach planner: whether the hand can reach its goal, from where, and along which path."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
 from pepper_drake.planning.reach.base_placement import BasePlacement, BasePlacementPlanner
+from pepper_drake.planning.reach.leaning import LeaningPlacement
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
@@ -67,7 +69,12 @@ class ReachPlanner:
             BodyClearance(model, [name for name in names if name not in _AROUND_CAMERA])
             for names in (body_links(model, arm), body_links(model))
         )
-        self._base_planner = BasePlacementPlanner(self._evaluator, self.base_placement)
+        self._base_planner = LeaningPlacement(
+            BasePlacementPlanner(self._evaluator, self.base_placement),
+            self._evaluator,
+            partial(self._body_spheres, self._body),
+            task,
+        )
 
     def with_primitive(
         self, primitive: MovementPrimitive, X_OG: RigidTransform | None = None

@@ -65,6 +65,7 @@ class ReachState:
         since: When the mode or the present movement began [s].
         goal_seen_since: When the goal was first seen [s]; NaN before.
         base_pose_wanted: Goal of the base, x, y, yaw in W [m, rad]; NaN to stay.
+        hip_pitch_wanted: Hip angle to lean to once the base has arrived [rad]; NaN to stay.
         reason: Name of the failure, or of an unconfirmed success; "" for none.
         message: The same as a sentence.
         still_since: When the hand arrived at the goal [s]; NaN while it is not there.
@@ -105,6 +106,7 @@ class ReachState:
     since: float = 0.0
     goal_seen_since: float = np.nan
     base_pose_wanted: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    hip_pitch_wanted: float = np.nan
     reason: str = ""
     message: str = ""
     still_since: float = np.nan
@@ -160,6 +162,12 @@ class ReachState:
         """Goal of the base, x, y, yaw in W [m, rad]; NaN for "brake and stay"."""
         stays = self.mode == ReachMode.FAILED or (self.braking and self.mode == ReachMode.DRIVING)
         return (np.nan, np.nan, np.nan) if stays else self.base_pose_wanted
+
+    @property
+    def hip_pitch_goal(self) -> float:
+        """Goal of the hip [rad]; NaN for "brake and stay"."""
+        stays = self.mode == ReachMode.FAILED or (self.braking and self.mode == ReachMode.DRIVING)
+        return np.nan if stays else self.hip_pitch_wanted
 
     @property
     def is_planning(self) -> bool:

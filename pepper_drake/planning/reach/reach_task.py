@@ -28,6 +28,7 @@ class ReachTask:
         params: Criteria of a good reach.
         image_period: Time between depth images [s].
         goal_solids: The goal object's shapes in its frame: adapted movements keep clear of them.
+        X_OM: Pose of the marker on the goal object; None if it carries none.
         axis: The axis of the hand whose direction matters for the task.
     """
 
@@ -39,6 +40,7 @@ class ReachTask:
     params: ReachPlannerParams
     image_period: float
     goal_solids: Sequence[Solid] = ()
+    X_OM: RigidTransform | None = None
     axis: GoalAxis = field(default_factory=GoalAxis)
 
     @classmethod
@@ -53,6 +55,7 @@ class ReachTask:
     ) -> "ReachTask":
         """Returns the task of reaching for a scene's goal object."""
         x, y, z = scene.goal.pre_grasp.axis
+        marked = MarkedObject.from_scene(scene.goal)
         return cls(
             model,
             scene.arm,
@@ -61,6 +64,7 @@ class ReachTask:
             ik,
             params,
             image_period,
-            MarkedObject.from_scene(scene.goal).solids,
+            marked.solids,
+            marked.X_OM,
             GoalAxis((x, y, z), scene.goal.pre_grasp.tolerance),
         )

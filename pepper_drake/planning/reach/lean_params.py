@@ -1,0 +1,25 @@
+"""Parameters of leaning forward to low goals."""
+
+from dataclasses import dataclass, field
+
+from pepper_drake.errors import InputError
+
+
+@dataclass
+class LeanParams:
+    """Hip angles at which the arm reaches a low goal that the head sees as well."""
+
+    hip_pitch: list[float] = field(default_factory=lambda: [-0.03, -0.2, -0.3])
+    """Hip angles that are tried [rad], in this order; none for a robot that does not lean. Beyond -0.35
+    the leg is in the way of an arm that hangs down."""
+    height: float = -0.05
+    """Height in T of the hand's goal below which the robot may lean [m]. Lower goals are hidden by
+    the tablet from wherever the arm of the upright robot reaches them."""
+
+    def check(self) -> None:
+        """Raises InputError for a hip angle at which the robot could fall over."""
+        if not all(-0.55 <= angle <= 0.1 for angle in self.hip_pitch):
+            raise InputError(
+                f"planner.lean.hip_pitch is {self.hip_pitch}; each angle must be between -0.55 "
+                "rad, where the robot is close to falling over, and 0.1 rad"
+            )
