@@ -10,11 +10,14 @@ class LeanParams:
     """Hip angles at which the arm reaches a low goal that the head sees as well."""
 
     hip_pitch: list[float] = field(default_factory=lambda: [-0.03, -0.2, -0.3])
-    """Hip angles that are tried [rad], in this order; none for a robot that does not lean. Beyond -0.35
-    the leg is in the way of an arm that hangs down."""
+    """Hip angles that are tried [rad], in this order; none for a robot that does not lean. Beyond
+    -0.35 the leg is in the way of an arm that hangs down."""
     height: float = -0.05
-    """Height in T of the hand's goal below which the robot may lean [m]. Lower goals are hidden by
-    the tablet from wherever the arm of the upright robot reaches them."""
+    """Height in T of the hand's goal below which it counts as low [m]: from many base placements
+    the tablet hides it."""
+    image_border: float = 0.25
+    """Border, as a fraction of half the image, in which the marker's centre must not be: the whole
+    marker must be in the image."""
 
     def check(self) -> None:
         """Raises InputError for a hip angle at which the robot could fall over."""

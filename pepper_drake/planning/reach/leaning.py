@@ -9,7 +9,8 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
-from pepper_drake.perception.gaze.view_planning import within_possible_view
+from pepper_drake.perception.gaze.head_aiming import aim_head, camera_pose, clamp_head
+from pepper_drake.perception.gaze.view_planning import visible
 from pepper_drake.planning.reach.base_placement import BasePlacementPlanner
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
@@ -18,9 +19,6 @@ from pepper_drake.planning.reach.reach_task import ReachTask
 
 Vector = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
-
-_PROTRUSION = 0.01
-"""Width by which the body's spheres protrude [m]."""
 
 
 class LeaningPlacement:
@@ -75,16 +73,8 @@ class LeaningPlacement:
         for k, place in enumerate(places):
             X_WT = self._evaluator.scenes.torso_pose(observation.from_base_pose(place))
             p_TM[k] = X_WT.inverse() @ p_WM
-        X_WT = self._evaluator.scenes.torso_pose(observation)
-        return self._visible(p_TM, self._body(observation, X_WT))
-
-    def _visible(self, p_TM: Vector, hiding: tuple[Vector, Vector]) -> Mask:
-        """Tells which points (N, 3) in T a colour camera can see past spheres."""
-        views = [
-            within_possible_view(camera, p_TM, hiding, margin=-_PROTRUSION)
-            for camera in (CAMERA_TOP, CAMERA_BOTTOM)
-        ]
-        return np.logical_or(*views)
+        hiding = self._body(observation, self._evaluator.scenes.torso_pose(observation))
+        return np.array([self._is_visible(p, hiding) for p in p_TM], dtype=bool)
 
     def shows_marker(self, plan: ReachPlan, observation: Observation) -> bool:
         """True if a plan is clear and a colour camera can see the marker at its end."""
@@ -97,7 +87,22 @@ class LeaningPlacement:
         arm = kinematics.sphere_centers_at(plan.joint_path[-1:])[0]
         body, radii = self._body(placed, X_WT)
         hiding = np.concatenate((body, arm)), np.concatenate((radii, kinematics.spheres.radii))
-        return bool(self._visible(p_TM[None], hiding)[0])
+        return self._is_visible(p_TM, hiding)
+
+    def _is_visible(self, p_TM: Vector, hiding: tuple[Vector, Vector]) -> bool:
+        """True if a colour camera that is aimed at a point in T sees it past spheres."""
+        centers, radii = hiding
+        for camera in (CAMERA_TOP, CAMERA_BOTTOM):
+            head = clamp_head(aim_head(camera, p_TM))
+            if not visible(camera, head, p_TM[None], self._params.lean.image_border)[0]:
+                continue
+            p_TC = camera_pose(camera, head).translation()
+            ray = p_TM - p_TC
+            nearest = np.clip((centers - p_TC) @ ray / (ray @ ray), 0.0, 1.0)
+            gaps = np.linalg.norm(p_TC + np.outer(nearest, ray) - centers, axis=1) - radii
+            if gaps.min() > 0.0:
+                return True
+        return False
 
     def may_lean(self, plan: ReachPlan, observation: Observation, leaning: Observation) -> bool:
         """True if the drive as the torso is now, and then leaning, keep clear of obstacles."""

@@ -56,6 +56,7 @@ class ReachPlanner:
 
     Attributes:
         base_placement: Generates candidate base poses.
+        leaning: Chooses base placement and hip angle.
 
     Raises:
         InputError: The primitive has no orientation or no posture.
@@ -69,7 +70,7 @@ class ReachPlanner:
             BodyClearance(model, [name for name in names if name not in _AROUND_CAMERA])
             for names in (body_links(model, arm), body_links(model))
         )
-        self._base_planner = LeaningPlacement(
+        self.leaning = LeaningPlacement(
             BasePlacementPlanner(self._evaluator, self.base_placement),
             self._evaluator,
             partial(self._body_spheres, self._body),
@@ -100,14 +101,14 @@ class ReachPlanner:
 
     def plan_base_placement(self, observation: Observation) -> ReachPlan:
         """Returns the best plan over all base placements; see `Planner`."""
-        plan = self._base_planner.plan(observation)
+        plan = self.leaning.plan(observation)
         clear = plan.status == PlanStatus.CLEAR
         return self._with_unseen_drive(plan, observation) if clear else plan
 
     def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a base placement, checked again; see `Planner`."""
         place, lost = plan.base_pose[None], self.params.room_lost
-        if not self._base_planner.has_room(place, observation, lost=lost)[0]:
+        if not self.leaning.has_room(place, observation, lost=lost)[0]:
             sentence = "something stands where the robot was going to drive"
             return replace(plan, status=PlanStatus.NO_STANDING_ROOM, message=sentence)
         return self._with_unseen_drive(plan, observation)

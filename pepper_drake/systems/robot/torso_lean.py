@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, EventStatus
 
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.systems.framework import LeafSystem
@@ -54,8 +54,8 @@ class TorsoLean(LeafSystem):
         self, start: dict[str, float], motion: LeanMotion | None = None, *, time_step: float = 0.02
     ) -> None:
         super().__init__()
-        self._tolerance = (LeanMotion() if motion is None else motion).tolerance
         motion = LeanMotion() if motion is None else motion
+        self._tolerance = motion.tolerance
         self._motion = BaseMotion(
             turning_speed=motion.speed, turning_acceleration=motion.acceleration
         )
@@ -82,12 +82,14 @@ class TorsoLean(LeafSystem):
         """Returns the goal [rad], NaN for none."""
         return float(self._goal.Eval(context)[0]) if self._goal.HasValue(context) else np.nan
 
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> EventStatus:
         angle, speed = context.get_discrete_state(self._state).value()
         goal = self._wanted(context)
         stops = self._stop.HasValue(context) and self._stop.Eval(context)[0] != 0.0
         if stops or self._base_arrived.Eval(context)[0] == 0.0:
             goal = np.nan
+        if speed == 0.0 and not np.isfinite(goal):
+            return EventStatus.DidNothing()
         # A base that only turns has the same law.
         pose, velocity = step_base_reference(
             np.array([0.0, 0.0, angle]),
@@ -97,6 +99,7 @@ class TorsoLean(LeafSystem):
             self._time_step,
         )
         discrete_state.set_value(self._state, [pose[2], velocity[2]])
+        return EventStatus.Succeeded()
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         command = self._resting.copy()

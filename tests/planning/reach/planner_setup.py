@@ -25,7 +25,7 @@ ORIGIN = np.zeros(3)
 ARM = body_indices(arm_joints("right"))
 
 
-def make_planner(primitive, coupling, **params):
+def make_planner(primitive, coupling, X_OM=None, **params):
     return ReachPlanner(
         primitive,
         ReachTask(
@@ -36,6 +36,7 @@ def make_planner(primitive, coupling, **params):
             ik=DifferentialIkParams(),
             params=ReachPlannerParams(**params),
             image_period=0.2,
+            X_OM=X_OM,
         ),
     )
 
