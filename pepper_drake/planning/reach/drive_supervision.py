@@ -88,11 +88,10 @@ class DriveSupervision:
         if plan.status != PlanStatus.CLEAR:
             return state.fail(time, plan.status.value, plan.message)
         x, y, yaw = plan.base_pose
-        leans = plan.hip_pitch is not None
         return replace(
             state.to(ReachMode.DRIVING, time),
             base_pose_wanted=(x, y, yaw),
-            hip_pitch_wanted=plan.hip_pitch if leans else state.hip_pitch_wanted,
+            hip_pitch_wanted=state.hip_pitch_wanted if plan.hip_pitch is None else plan.hip_pitch,
             places=state.places + 1,
             placement=plan,
             plan=None,

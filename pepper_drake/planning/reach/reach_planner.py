@@ -70,11 +70,9 @@ class ReachPlanner:
             BodyClearance(model, [name for name in names if name not in _AROUND_CAMERA])
             for names in (body_links(model, arm), body_links(model))
         )
+        self._base_planner = BasePlacementPlanner(self._evaluator, self.base_placement)
         self.leaning = LeaningPlacement(
-            BasePlacementPlanner(self._evaluator, self.base_placement),
-            self._evaluator,
-            partial(self._body_spheres, self._body),
-            task,
+            self._base_planner, self._evaluator, partial(self._body_spheres, self._body), task
         )
 
     def with_primitive(
@@ -108,7 +106,7 @@ class ReachPlanner:
     def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a base placement, checked again; see `Planner`."""
         place, lost = plan.base_pose[None], self.params.room_lost
-        if not self.leaning.has_room(place, observation, lost=lost)[0]:
+        if not self._base_planner.has_room(place, observation, lost=lost)[0]:
             sentence = "something stands where the robot was going to drive"
             return replace(plan, status=PlanStatus.NO_STANDING_ROOM, message=sentence)
         return self._with_unseen_drive(plan, observation)
