@@ -292,6 +292,7 @@ class Scenario:
             planner.following,
             planner.retreat,
             planner.new_obstacle,
+            planner.lean,
             self.barrier_coupling(),
             self.perception.gaze,
             self.perception.marker,
