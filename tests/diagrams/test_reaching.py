@@ -9,6 +9,7 @@ from pydrake.perception import PointCloud
 from pydrake.systems.analysis import InitializeParams, Simulator
 from pydrake.systems.framework import BusValue, PortDataType
 
+from pepper_drake.benchmarking.case import Case
 from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions, measure_cloud
 from pepper_drake.diagrams.reaching import Reaching
@@ -16,7 +17,12 @@ from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.learning import PointCloudDistance
-from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
+from pepper_drake.models.control_model import (
+    BODY_JOINTS,
+    arm_joints,
+    body_indices,
+    shared_control_model,
+)
 from pepper_drake.models.random_scene import random_scene
 from pepper_drake.models.scene import load_scene
 from pepper_drake.perception.mapping.cloud_points import make_cloud
@@ -34,6 +40,7 @@ from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from pepper_drake.planning.reach.task_sequence import SequenceTask
+from pepper_drake.scenario import build_reaching
 
 
 def make_reaching(name, arm, *, lifts=False):
@@ -169,6 +176,18 @@ def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
 
 
 @pytest.mark.render
+@pytest.mark.render
+def test_a_low_goal_is_reached_and_confirmed_by_a_robot_that_leans_forward():
+    reaching = build_reaching(Case(105, family="low_table").scenario())
+    result = ReachSimulation(reaching, RunOptions(progress=False)).run()
+    report, log = result.report, result.log
+    assert (report.outcome, report.contacts) == ("reached", 0)
+    assert report.final_position_error < 0.01
+    hip = log.joint_position_rad[:, BODY_JOINTS.index("HipPitch")]
+    assert hip[-1] == pytest.approx(-0.3, abs=0.02)
+    assert np.abs(np.diff(hip) / np.diff(log.time_s)).max() < 0.35
+
+
 def test_a_clone_does_not_know_what_becomes_of_the_original():
     reaching = make_reaching("free", "right")
     simulator = Simulator(reaching)
