@@ -9,6 +9,7 @@ import textwrap
 import threading
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 
 import pytest
 
@@ -316,6 +317,22 @@ def test_calls_that_make_no_sense_are_answered_with_errors():
 
     with serving() as (server, _, _):
         asyncio.run(call())
+
+
+def test_a_cancellation_that_names_no_call_is_ignored():
+    async def call():
+        async with Client(server) as client:
+            await client.greet()
+            wait = Message(MessageType.CALL, 4, 2, 1, 105, encode("(f)", (0.2,)))
+            await client.send(wait.to_bytes())
+            await client.send(replace(wait, type=MessageType.CANCEL, payload=b"").to_bytes())
+            assert await client.add() == 42
+            answer, payload = await client.receive()
+            assert (answer.type, answer.id, decode("b", payload)) == (MessageType.REPLY, 4, True)
+
+    with serving() as (server, _, echo):
+        asyncio.run(call())
+        assert echo.cancelled == 0
 
 
 def test_random_frames_disturb_nobody():

@@ -182,11 +182,16 @@ class Connection:
             await self._free.acquire()
             self._start(message)
         elif kind == MessageType.CANCEL:
+            self._cancel(message)
+        elif kind not in (MessageType.CAPABILITY, MessageType.EVENT):
+            raise WireError(f"a message of the unknown type {kind}")
+
+    def _cancel(self, message: Message) -> None:
+        """Cancels the named call; as on a robot, a request without a name is ignored."""
+        with contextlib.suppress(WireError):
             task = self._calls.get(decode("I", message.payload))
             if task is not None:
                 task.cancel()
-        elif kind not in (MessageType.CAPABILITY, MessageType.EVENT):
-            raise WireError(f"a message of the unknown type {kind}")
 
     def _handshake(self, message: Message) -> None:
         given = decode("{sm}", message.payload)
