@@ -251,14 +251,14 @@ _OTHERS = [
     ("ALVideoDevice.getImgSizeFromAngSize", [0.1, 0.1]),
     ("ALTouch.getStatus",),
     ("ALVideoDevice.subscribeCamera", "me", 0, 2, 11, 10),
-    ("ALVideoDevice.getImageRemote", "me"),
-    ("ALVideoDevice.releaseImage", "me"),
+    ("ALVideoDevice.getImageRemote", "me_0"),
+    ("ALVideoDevice.releaseImage", "me_0"),
     ("ALVideoDevice.setParameter", 0, 11, 1),
     ("ALVideoDevice.setParam", 18, 1),
     ("ALVideoDevice.getHorizontalFOV", 0),
-    ("ALVideoDevice.unsubscribe", "me"),
+    ("ALVideoDevice.unsubscribe", "me_0"),
     ("ALVideoDevice.subscribe", "old", 1, 11, 5),
-    ("ALVideoDevice.unsubscribe", "old"),
+    ("ALVideoDevice.unsubscribe", "old_0"),
 ]
 
 _CALLS = [(f"ALMotion.{name}", *arguments) for name, *arguments in _MOTION] + _OTHERS
@@ -321,7 +321,7 @@ _WRONG = [
     ("ALMotion.transformInterpolations", [], 0, [], 7, [], True),
     ("ALMotion.setPosition", "RArm", 0, [0.0] * 6, 0.5, 7),
     ("ALMemory.getData", "no such key"),
-    ("ALVideoDevice.getImageRemote", "nobody"),
+    ("ALVideoDevice.getResolution", "nobody"),
     ("ALAutonomousLife.setState", "asleep"),
     ("ALTextToSpeech.setLanguage", "Latin"),
     ("ALTracker.lookAt", [1.0, 0.0], 0, 0.5, False),
