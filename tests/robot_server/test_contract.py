@@ -259,6 +259,24 @@ _OTHERS = [
     ("ALVideoDevice.unsubscribe", "me_0"),
     ("ALVideoDevice.subscribe", "old", 1, 11, 5),
     ("ALVideoDevice.unsubscribe", "old_0"),
+    ("ALAudioPlayer.playFile", "/home/nao/sound.wav"),
+    ("ALAudioPlayer.playFile", "/home/nao/sound.wav", 0.5, 0.0),
+    ("ALAudioRecorder.startMicrophonesRecording", "/home/nao/a.wav", "wav", 16000, [0, 0, 1, 0]),
+    ("ALAudioRecorder.stopMicrophonesRecording",),
+    ("ALAudioDevice.sendRemoteBufferToOutput", 100, b"\0" * 400),
+    ("ALBasicAwareness.resumeAwareness",),
+    ("ALBasicAwareness.setStimulusDetectionEnabled", "Sound", True),
+    ("ALBehaviorManager.getBehaviorNames",),
+    ("ALDialog.setFocus", "topic"),
+    ("ALFaceCharacteristics.analyzeFaceCharacteristics", 1),
+    ("ALFaceDetection.enableTracking", True),
+    ("ALLeds.setIntensity", "FaceLeds", 0.5),
+    ("ALSpeechRecognition.removeAllContext",),
+    ("ALSpeechRecognition.setAudioExpression", True),
+    ("ALSpeechRecognition.setVisualExpression", True),
+    ("ALSystem.setRobotName", "Pepper"),
+    ("ALTabletService.stopVideo",),
+    ("ALTracker.setRelativePosition", [-0.5, 0.0, 0.0, 0.1, 0.1, 0.3]),
 ]
 
 _CALLS = [(f"ALMotion.{name}", *arguments) for name, *arguments in _MOTION] + _OTHERS
@@ -328,6 +346,16 @@ _WRONG = [
     ("ALTracker.track", "Face"),
     ("ALNavigation.navigateToInMap", [1.0, 0.0, 0.0]),
     ("ALSystem.reboot",),
+    ("ALSystem.shutdown",),
+    ("ALTracker.setRelativePosition", [-0.5, 0.0]),
+    ("ALTracker.setMoveConfig", [["MaxVelXY"]]),
+    ("ALMotion.setFootStepsWithSpeed", ["LLeg"], [[0.1, 0.0, 0.0]], [0.5], False),
+    ("ALMotion.wbEnable", True),
+    ("ALMotion.wbEnableBalanceConstraint", True, "Legs"),
+    ("ALMotion.wbEnableEffectorControl", "Head", True),
+    ("ALMotion.wbFootState", "Fixed", "Legs"),
+    ("ALMotion.wbGoToBalance", "Legs", 1.0),
+    ("ALMotion.wbSetEffectorControl", "Head", [0.1, 0.0, 0.0]),
 ]
 
 

@@ -242,6 +242,7 @@ def test_devices_are_led_by_their_keys():
         def brightness():
             return pepper.call("ALMemory.getData", "Device/SubDeviceList/" + light)
 
+        assert pepper.call("ALMemory.getData", "DCM/Time") == time(0)
         pepper.call("DCM.createAlias", ["Red", [light]])
         pepper.call("DCM.set", ["Red", "ClearAll", [[0.0, time(1)], [1.0, time(2)]]])
         pepper.call("DCM.set", [laser, "Merge", [[1.0, time(0)]]])

@@ -64,6 +64,7 @@ class Tracker(Module):
         self._range = 0.0
         self._search = False
         self._relative: list[float] = []
+        self._move_config: Any = []
         self._caller: Caller | None = None
         self._move: tuple[Task, FollowMove] | None = None
         self._targets: dict[str, Any] = {}
@@ -73,7 +74,6 @@ class Tracker(Module):
                 "set_maximum_velocity": ("get_maximum_velocity", 0.35),
                 "set_maximum_acceleration": ("get_maximum_acceleration", 0.3),
                 "set_search_fraction_max_speed": ("get_search_fraction_max_speed", 0.2),
-                "set_move_config": ("get_move_config", []),
                 "set_target_coordinates": ("get_target_coordinates", []),
             },
         )
@@ -250,6 +250,15 @@ class Tracker(Module):
         self.unregister_all_targets()
         self._effector, self._mode = "None", "Head"
 
+    def set_move_config(self, config: Any) -> None:
+        """Sets the limits of the moves in the mode "Move", as `moveTo` takes them."""
+        settings(config)
+        self._move_config = config
+
+    def get_move_config(self) -> Any:
+        """Returns the limits of the moves in the mode "Move"."""
+        return self._move_config
+
     def set_relative_position(self, position: Any) -> None:
         """Sets where the base stands in the mode "Move".
 
@@ -306,7 +315,7 @@ class Tracker(Module):
         c, s = math.cos(bearing), math.sin(bearing)
         goal = (p_WP[0] + c * along - s * across, p_WP[1] + s * along + c * across, bearing + turn)
         if self._move is None or self._move[0].ended:
-            speeds = BaseSpeeds.configured(settings(self.get_move_config()))
+            speeds = BaseSpeeds.configured(settings(self._move_config))
             move = FollowMove(self._motion.base, speeds, self._motion.odometry)
             self._aim(move, goal, near)
             if not move.has_arrived:
