@@ -319,6 +319,25 @@ def test_calls_that_make_no_sense_are_answered_with_errors():
         asyncio.run(call())
 
 
+def test_arguments_that_the_caller_could_not_convert_are_converted_or_refused():
+    async def call():
+        async with Client(server) as client:
+            await client.greet()
+            for arguments in (("20", 22), (20,), [20, None], (20.9, True), {"a": 1}):
+                payload = encode("m", arguments)
+                message = Message(MessageType.CALL, 6, 2, 1, 100, payload, flags=1)
+                await client.send(message.to_bytes())
+                answers.append(await client.receive())
+
+    answers = []
+    with serving(log=pytest.fail) as (server, _, _):
+        asyncio.run(call())
+    assert [decode("i", p) for a, p in answers if a.type == MessageType.REPLY] == [21]
+    refused = [decode("m", p) for a, p in answers if a.type == MessageType.ERROR]
+    assert len(refused) == 4
+    assert all(text.startswith("the arguments do not fit (ii)") for text in refused)
+
+
 def test_a_cancellation_that_names_no_call_is_ignored():
     async def call():
         async with Client(server) as client:

@@ -22,6 +22,7 @@ from pepper_drake.naoqi.wire import (
     WireError,
     decode,
     encode,
+    fit,
     parse_signature,
     read_header,
 )
@@ -287,12 +288,14 @@ class Connection:
         """
         reader = Reader(message.payload, lambda at: read_object(at, self))
         dynamic = message.flags & MessageFlag.DYNAMIC_PAYLOAD
+        declared = parse_signature(parameters)
         try:
-            arguments = reader.read("m" if dynamic else parameters)
+            arguments: Any = reader.read("m" if dynamic else parameters)
+            # A caller that cannot convert its arguments leaves that to us.
+            arguments = fit(declared, arguments) if dynamic else arguments
         except WireError as error:
             raise ServiceError(f"the arguments do not fit {parameters}: {error}") from None
-        expected = len(parse_signature(parameters).items)
-        if not isinstance(arguments, tuple) or len(arguments) != expected:
+        if not isinstance(arguments, tuple) or len(arguments) != len(declared.items):
             raise ServiceError(f"the arguments do not fit {parameters}")
         return arguments
 
