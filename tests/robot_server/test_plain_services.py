@@ -191,6 +191,7 @@ def test_in_the_mode_move_the_base_follows_what_an_event_tells_and_stops_for_wan
         x, y, theta = await seen(1.5, 2.0, 8.0)
         assert math.hypot(1.5 - x, 2.0 - y) == pytest.approx(0.5, abs=0.04)
         assert theta == pytest.approx(math.atan2(2.0 - y, 1.5 - x), abs=0.06)
+        assert await seen(1e308, -1e308, 1.0) == pepper.call("ALMotion.getRobotPosition", True)
         await seen(9.0, 2.0, 1.0)
         assert pepper.call("ALMotion.moveIsActive")
         await pepper.run(3.0)

@@ -37,6 +37,9 @@ _FOLLOWING = 0.5
 _LEAST_TIME_OUT = 1.0
 """Shortest time without an event after which a target is lost [s]."""
 
+_FARTHEST = 100.0
+"""Distance above which the base does not go to its place beside a target [m]."""
+
 _CAMERAS = {0: CAMERA_TOP, 1: CAMERA_TOP, 2: CAMERA_BOTTOM}
 """Camera that looks at a target, by the number of the eye in its event."""
 
@@ -314,6 +317,8 @@ class Tracker(Module):
         bearing = math.atan2(p_WP[1] - y, p_WP[0] - x)
         c, s = math.cos(bearing), math.sin(bearing)
         goal = (p_WP[0] + c * along - s * across, p_WP[1] + s * along + c * across, bearing + turn)
+        if not math.hypot(goal[0] - x, goal[1] - y) < _FARTHEST:
+            return
         if self._move is None or self._move[0].ended:
             speeds = BaseSpeeds.configured(settings(self._move_config))
             move = FollowMove(self._motion.base, speeds, self._motion.odometry)
