@@ -25,6 +25,7 @@ from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.errors import InputError
 from pepper_drake.files import read_text
 from pepper_drake.models.guide import GUIDES, GuideScript, load_guide
+from pepper_drake.robot_server.faults_on_demand import FaultsOnDemand
 from pepper_drake.robot_server.ground_truth_service import make_extras
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
 from pepper_drake.robot_server.robot.simulator import LATENCY, SimulatorConfig
@@ -142,7 +143,8 @@ async def serve(
     pepper.finder = server
     await server.start()
     extras_port = ports[1] if ports[1] is not None else server.port + 1 if ports[0] else 0
-    extras = make_server([make_extras(robot)], port=extras_port)
+    faults = FaultsOnDemand(pepper.services, server.restart)
+    extras = make_server([make_extras(robot, faults)], port=extras_port)
     await extras.start()
     say(f"Pepper is served at {server.address}, what no robot knows at {extras.address}")
     stop = asyncio.Event()

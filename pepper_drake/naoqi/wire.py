@@ -395,3 +395,25 @@ def decode(signature: str, data: bytes, read_object: ReadObject = no_object) -> 
     if reader.left:
         raise WireError(f"{reader.left} bytes after the {signature[:80]}")
     return value
+
+
+def fit(signature: Signature, value: Any) -> Any:
+    """Returns a value as a signature has it; what is dynamic, and objects, stay as they are.
+
+    Raises:
+        WireError: The value does not fit.
+    """
+    letter, items = signature.letter, signature.items
+    if letter in "moX":
+        return value
+    kinds: dict[str, Any] = {"(": (tuple, list), "[": (tuple, list), "{": dict}
+    kind: Any = (int, float) if letter in _NUMBERS else kinds.get(letter, object)
+    if not isinstance(value, kind) or (letter == "(" and len(value) != len(items)):
+        raise WireError(f"{value!r:.80} is no {signature}")
+    if letter == "(":
+        return tuple(fit(item, part) for item, part in zip(items, value, strict=True))
+    if letter == "[":
+        return [fit(items[0], part) for part in value]
+    if letter == "{":
+        return {fit(items[0], key): fit(items[1], part) for key, part in value.items()}
+    return decode(letter, encode(letter, value))

@@ -1,9 +1,10 @@
-"""A service on a separate port for what no robot has: ground truth, and a person's hand."""
+"""A service on a separate port for what no robot has: truth, a person's hand, and faults."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from pepper_drake.robot_server.faults_on_demand import FaultsOnDemand
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
 from pepper_drake.robot_server.wire.service import Service, ServiceError
 
@@ -11,11 +12,12 @@ _FARTHEST = 2.0
 """Largest offset of the goal along each axis [m]."""
 
 
-def make_extras(robot: SimulatedRobot) -> Service:
+def make_extras(robot: SimulatedRobot, faults: FaultsOnDemand) -> Service:
     """Makes the service `PepperDrake`.
 
     Args:
         robot: The simulated robot.
+        faults: Of its services.
     """
 
     def truth() -> dict[str, Any]:
@@ -76,6 +78,31 @@ def make_extras(robot: SimulatedRobot) -> Service:
         touch,
         description="Touches these sensors, such as ChestBoard/Button, and no others.",
     )
+
+    def delay(seconds: float) -> None:
+        with _refusing("delay"):
+            faults.delay(seconds)
+
+    def fail(methods: list[str]) -> None:
+        with _refusing("fail"):
+            faults.fail(methods)
+
+    def freeze(cameras: list[str]) -> None:
+        with _refusing("freeze"):
+            robot.freeze(cameras)
+
+    for name, parameters, handler, description in (
+        (
+            "delay",
+            "(f)",
+            delay,
+            "Performs each call of the robot's this much later [s]; 0 ends it.",
+        ),
+        ("fail", "([s])", fail, "Lets these fail, such as ALMotion.setAngles, and no others."),
+        ("freeze", "([s])", freeze, "Freezes the images of camera_top, ..., and of no others."),
+        ("reboot", "()", faults.restart, "Ends the robot's connections and begins a new session."),
+    ):
+        service.add_method(name, parameters, "v", handler, description=description)
     return service
 
 

@@ -129,12 +129,13 @@ class ServedPepper:
         animations = AnimationPlayer(say)
         leds = Leds(self._timer, say)
         dcm = Dcm(self.motion, leds, self._timer, say)
+        tracker = Tracker(self.motion, self.memory, say)
         modules: list[Module] = [
             self.motion,
             self.memory,
             self.video,
             self._posture,
-            Tracker(self.motion, self.memory, say),
+            tracker,
             speech,
             AnimatedSpeech(speech, tell),
             life,
@@ -196,6 +197,7 @@ class ServedPepper:
             self.services.append(module.served)
         self._service("ALMotion").on_client_left = self.motion.client_left
         self._service("ALVideoDevice").on_client_left = self.video.client_left
+        self._service("ALTracker").on_client_left = tracker.client_left
 
     def step(self) -> None:
         """Runs one cycle of 20 ms."""

@@ -43,20 +43,6 @@ class ServedRobot:
         self.loop.call_soon_threadsafe(self.loop.stop)
         self._thread.join(10)
 
-    def start_anew(self):
-        """Closes all connections, and lets the services have another session."""
-        old = self.server.directory._info
-
-        def changed(name, number):
-            info = old(name, number)
-            return (*info[:5], "another session", *info[6:])
-
-        self.server.directory._info = changed
-        for entry in self.server.directory._entries.values():
-            entry.info = changed(entry.info[0], entry.info[1])
-        for connection, _, _ in self.server._connections.values():
-            connection.abort()
-
     def do(self, action):
         """Does something on the server's loop and waits for it."""
 

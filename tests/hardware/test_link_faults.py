@@ -169,7 +169,7 @@ def test_a_robot_that_was_started_anew_is_told():
         playing = asyncio.ensure_future(it.play(lambda t: START + 0.2 * t, 5.0))
         await asyncio.sleep(0.3)
         # As after a start: the same address, another session.
-        it.robot.do(it.robot.start_anew)
+        it.robot.do(it.robot.server.restart)
         assert await it.fault() in ("link_lost", "robot_rebooted")
         end = time.monotonic() + 3.0
         while str(it.state()["fault"]) == "link_lost" and time.monotonic() < end:

@@ -15,6 +15,7 @@ from pepper_drake.naoqi.wire import (
     WireError,
     decode,
     encode,
+    fit,
     parse_signature,
     read_header,
 )
@@ -74,6 +75,7 @@ def typed_values(draw, depth=3):
 def test_what_is_encoded_is_decoded(case):
     signature, value = case
     assert decode(signature, encode(signature, value)) == value
+    assert fit(parse_signature(signature), value) == value
 
 
 @pytest.mark.parametrize(

@@ -353,6 +353,14 @@ def test_the_nearest_free_zone_is_found_beside_a_pillar():
         error, found, _ = await find(3.0, 0.5)
         assert error == 1
         assert found < 3.0
+        answers = []
+        for gather in (False, True, False):
+            if gather:
+                pepper.call("ALNavigation.startFreeZoneUpdate")
+            call = pepper.start("ALNavigation.stopAndComputeFreeZone", 0.6, [0.5])
+            await pepper.finish(call)
+            answers.append(call.result())
+        assert answers == [[1, 0.0, [0.0, 0.0]], [0, 0.6, [0.0, 0.0]], [1, 0.0, [0.0, 0.0]]]
 
     virtual(scenario)
 

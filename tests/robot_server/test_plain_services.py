@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from virtual_pepper import virtual
+from virtual_pepper import CALLER, virtual
 
 from pepper_drake.robot_server.services.speech import spoken
 from pepper_drake.robot_server.wire.service import ServiceError
@@ -174,6 +174,35 @@ def test_a_place_that_an_event_tells_is_followed_by_head_and_arm():
     virtual(scenario)
 
 
+def test_in_the_mode_move_the_base_follows_what_an_event_tells_and_stops_for_want_of_news():
+    async def scenario(pepper):
+        async def seen(x, y, seconds):
+            for _ in range(round(5 * seconds)):
+                pepper.call("ALMemory.raiseEvent", "seen", [[x, y, 1.0], [1, 0], 3])
+                await pepper.run(0.2)
+            return pepper.call("ALMotion.getRobotPosition", True)
+
+        pepper.call("ALTracker.setMode", "Move")
+        pepper.call("ALTracker.trackEvent", "seen")
+        assert await seen(2.0, 0.0, 1.0) == [0.0, 0.0, 0.0]  # Nobody has said how near.
+        pepper.call("ALTracker.setRelativePosition", [-0.5, 0.0, 0.0, 0.02, 0.02, 0.05])
+        assert await seen(2.0, 0.0, 8.0) == pytest.approx([1.5, 0.0, 0.0], abs=0.03)
+        assert not pepper.call("ALMotion.moveIsActive")
+        x, y, theta = await seen(1.5, 2.0, 8.0)
+        assert math.hypot(1.5 - x, 2.0 - y) == pytest.approx(0.5, abs=0.04)
+        assert theta == pytest.approx(math.atan2(2.0 - y, 1.5 - x), abs=0.06)
+        assert await seen(1e308, -1e308, 1.0) == pepper.call("ALMotion.getRobotPosition", True)
+        await seen(9.0, 2.0, 1.0)
+        assert pepper.call("ALMotion.moveIsActive")
+        await pepper.run(3.0)
+        assert not pepper.call("ALMotion.moveIsActive")
+        pepper.services["ALTracker"].on_client_left(CALLER)
+        assert await seen(9.0, 2.0, 1.0) == pepper.call("ALMotion.getRobotPosition", True)
+        assert not pepper.call("ALMotion.moveIsActive")
+
+    virtual(scenario)
+
+
 def test_nothing_is_tracked_and_nobody_is_told_otherwise():
     async def scenario(pepper):
         pepper.call("ALTracker.registerTarget", "RedBall", 0.06)
@@ -214,6 +243,7 @@ def test_devices_are_led_by_their_keys():
         def brightness():
             return pepper.call("ALMemory.getData", "Device/SubDeviceList/" + light)
 
+        assert pepper.call("ALMemory.getData", "DCM/Time") == time(0)
         pepper.call("DCM.createAlias", ["Red", [light]])
         pepper.call("DCM.set", ["Red", "ClearAll", [[0.0, time(1)], [1.0, time(2)]]])
         pepper.call("DCM.set", [laser, "Merge", [[1.0, time(0)]]])

@@ -9,6 +9,7 @@ import textwrap
 import threading
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 
 import pytest
 
@@ -316,6 +317,41 @@ def test_calls_that_make_no_sense_are_answered_with_errors():
 
     with serving() as (server, _, _):
         asyncio.run(call())
+
+
+def test_arguments_that_the_caller_could_not_convert_are_converted_or_refused():
+    async def call():
+        async with Client(server) as client:
+            await client.greet()
+            for arguments in (("20", 22), (20,), [20, None], (20.9, True), {"a": 1}):
+                payload = encode("m", arguments)
+                message = Message(MessageType.CALL, 6, 2, 1, 100, payload, flags=1)
+                await client.send(message.to_bytes())
+                answers.append(await client.receive())
+
+    answers = []
+    with serving(log=pytest.fail) as (server, _, _):
+        asyncio.run(call())
+    assert [decode("i", p) for a, p in answers if a.type == MessageType.REPLY] == [21]
+    refused = [decode("m", p) for a, p in answers if a.type == MessageType.ERROR]
+    assert len(refused) == 4
+    assert all(text.startswith("the arguments do not fit (ii)") for text in refused)
+
+
+def test_a_cancellation_that_names_no_call_is_ignored():
+    async def call():
+        async with Client(server) as client:
+            await client.greet()
+            wait = Message(MessageType.CALL, 4, 2, 1, 105, encode("(f)", (0.2,)))
+            await client.send(wait.to_bytes())
+            await client.send(replace(wait, type=MessageType.CANCEL, payload=b"").to_bytes())
+            assert await client.add() == 42
+            answer, payload = await client.receive()
+            assert (answer.type, answer.id, decode("b", payload)) == (MessageType.REPLY, 4, True)
+
+    with serving() as (server, _, echo):
+        asyncio.run(call())
+        assert echo.cancelled == 0
 
 
 def test_random_frames_disturb_nobody():

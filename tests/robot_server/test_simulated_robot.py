@@ -8,8 +8,9 @@ import pytest
 from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import shared_control_model
 from pepper_drake.models.scene import load_scene
-from pepper_drake.naoqi.constants import CHAINS, CYCLE, JOINTS
+from pepper_drake.naoqi.constants import CHAINS, CYCLE, JOINTS, TOP
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.robot_server.faults_on_demand import FaultsOnDemand
 from pepper_drake.robot_server.ground_truth_service import make_extras
 from pepper_drake.robot_server.robot.robot_port import RobotCommand
 from pepper_drake.robot_server.robot.simulated_robot import SimulatedRobot
@@ -96,14 +97,14 @@ def test_a_goal_that_moves_by_itself_is_moved_by_nobody(monkeypatch):
     scene = load_scene("free")
     moving = replace(scene, goal=replace(scene.goal, path=[[0.0, 0.0, 0.0, 0.0], [1.0, 0.1, 0, 0]]))
     with SimulatedRobot(SimulatorConfig(moving, StationConfig())) as still:
-        (move_goal,) = make_extras(still).overloads("moveGoal")
+        (move_goal,) = make_extras(still, FaultsOnDemand([], still.close)).overloads("moveGoal")
         with pytest.raises(ServiceError, match="moveGoal: the goal of this scene moves by itself"):
             move_goal.handler(0.0, 0.05, 0.02)
         assert still._command.writes == 0
 
 
 def test_a_person_leads_the_limp_arm_to_a_place_and_lets_go(robot):
-    extras = make_extras(robot)
+    extras = make_extras(robot, FaultsOnDemand([], robot.close))
     call = {method.name: method.handler for method in extras.methods.values()}
     stiff, start = np.ones(len(JOINTS)), robot.state().positions
     limp = stiff.copy()
@@ -130,3 +131,33 @@ def test_a_person_leads_the_limp_arm_to_a_place_and_lets_go(robot):
     with pytest.raises(ServiceError, match='"nose" is no sensor; they are Head/Touch/Front'):
         call["touch"](["nose"])
     _command(robot, 0.1, robot.state().positions, stiff)
+
+
+@pytest.mark.render
+def test_a_camera_is_frozen_on_demand(robot):
+    call = {
+        m.name: m.handler
+        for m in make_extras(robot, FaultsOnDemand([], robot.close)).methods.values()
+    }
+
+    def image_after(stamp):
+        end = time.monotonic() + 30.0
+        while (image := robot.image(TOP)) is None or image.time <= stamp:
+            assert time.monotonic() < end, "no new image"
+            time.sleep(0.01)
+        return image
+
+    robot.want_image(TOP, 640, 480, 5.0)
+    try:
+        first = image_after(-1.0)
+        call["freeze"](["camera_top"])
+        frozen = robot.image(TOP)
+        assert frozen.time >= first.time
+        time.sleep(0.6)
+        assert robot.image(TOP) is frozen
+        call["freeze"]([])
+        image_after(frozen.time)
+        with pytest.raises(ServiceError, match='"nose" is no camera; they are camera_top'):
+            call["freeze"](["nose"])
+    finally:
+        robot.want_image(TOP, 0, 0, 0.0)

@@ -32,7 +32,7 @@ def test_an_image_comes_as_it_was_taken_with_its_time():
     async def scenario(pepper):
         _show(pepper)
         handle = pepper.call("ALVideoDevice.subscribeCamera", "viewer", 0, 2, 11, 30)
-        assert handle == "viewer"
+        assert handle == "viewer_0"
         await pepper.run(0.2)
         reply = await _image(pepper, handle)
         taken = pepper.robot.images[0]
@@ -102,7 +102,7 @@ def test_a_name_may_subscribe_six_times():
         handles = [
             pepper.call("ALVideoDevice.subscribeCamera", "me", 0, 1, 11, 5) for _ in range(7)
         ]
-        assert handles == ["me", "me_2", "me_3", "me_4", "me_5", "me_6", ""]
+        assert handles == ["me_0", "me_1", "me_2", "me_3", "me_4", "me_5", ""]
         assert pepper.call("ALVideoDevice.unsubscribe", "me_3")
         assert pepper.call("ALVideoDevice.subscribeCamera", "me", 0, 1, 11, 5) == "me_3"
         pepper.call("ALVideoDevice.unsubscribeAllInstances", "me")
@@ -139,7 +139,7 @@ def test_a_client_that_leaves_takes_its_subscriptions_with_it():
         pepper.call("ALVideoDevice.subscribeCamera", "stays", 0, 1, 11, 5)
         pepper.call("ALVideoDevice.subscribeCamera", "leaves", 2, 1, 17, 5, caller=Caller(9))
         pepper.services["ALVideoDevice"].on_client_left(Caller(9))
-        assert pepper.call("ALVideoDevice.getSubscribers") == ["stays"]
+        assert pepper.call("ALVideoDevice.getSubscribers") == ["stays_0"]
         assert set(pepper.robot.wanted) == {TOP}
         pepper.services["ALVideoDevice"].on_client_left(CALLER)
         assert pepper.robot.wanted == {}
@@ -160,8 +160,7 @@ def test_the_first_image_is_waited_for_and_none_comes_from_a_blind_camera():
         blind = pepper.start("ALVideoDevice.getImageRemote", handle)
         assert await pepper.finish(blind) == pytest.approx(1.0, abs=0.1)
         assert blind.result() is None
-        with pytest.raises(ServiceError, match="'nobody' has not subscribed"):
-            await pepper.call("ALVideoDevice.getImageRemote", "nobody")
+        assert await pepper.call("ALVideoDevice.getImageRemote", "") is None
 
     virtual(scenario)
 

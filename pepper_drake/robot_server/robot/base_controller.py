@@ -248,6 +248,69 @@ class PoseMove:
         return share / distance, rate * scale / distance
 
 
+class FollowMove:
+    """A move towards a pose that may change on the way; a task's motion."""
+
+    def __init__(self, base: BaseController, speeds: BaseSpeeds, odometry: Odometry) -> None:
+        """Prepares a move; `aim` says where to.
+
+        Args:
+            base: Controller that gets the velocities.
+            speeds: Limits.
+            odometry: Of the base.
+        """
+        self._base = base
+        self._speeds = speeds
+        self._odometry = odometry
+        self._goal: Pose = odometry.pose
+        self._near: Pose = _STILL
+        self._left = 0.0
+
+    def aim(self, goal: Pose, near: Pose, time: float) -> None:
+        """Sets the pose.
+
+        Args:
+            goal: In the world.
+            near: Distances along the goal's x and y and angle within which the move ends [m, rad].
+            time: Time until the move ends unless it is aimed anew [s].
+        """
+        self._goal, self._near, self._left = goal, near, time
+
+    @property
+    def has_arrived(self) -> bool:
+        """Returns whether the base is near the goal."""
+        x, y, theta = self._odometry.pose
+        c, s = math.cos(self._goal[2]), math.sin(self._goal[2])
+        dx, dy = self._goal[0] - x, self._goal[1] - y
+        turn = math.remainder(self._goal[2] - theta, 2 * math.pi)
+        errors = (c * dx + s * dy, -s * dx + c * dy, turn)
+        return all(abs(e) <= near for e, near in zip(errors, self._near, strict=True))
+
+    def start(self) -> None:
+        """Waits for the first cycle."""
+
+    def step(self) -> bool:
+        """Sets the velocity of this cycle, from which half the acceleration stops at the goal."""
+        self._left -= CYCLE
+        if self._left < 0 or self.has_arrived or not self._base.enabled:
+            self._base.stop()
+            return True
+        x, y, theta = self._odometry.pose
+        c, s = math.cos(theta), math.sin(theta)
+        dx, dy = self._goal[0] - x, self._goal[1] - y
+        distance = math.hypot(dx, dy)
+        rate = math.sqrt(self._speeds.acceleration / distance) if distance else 0.0
+        turn = math.remainder(self._goal[2] - theta, 2 * math.pi)
+        turning = math.copysign(math.sqrt(self._speeds.turning_acceleration * abs(turn)), turn)
+        velocity = (rate * (c * dx + s * dy), rate * (-s * dx + c * dy), turning)
+        self._base.want(velocity, self._speeds)
+        return False
+
+    def stop(self) -> None:
+        """Brakes."""
+        self._base.stop()
+
+
 def trapezoid_duration(distance: float, speed: float, acceleration: float) -> float:
     """Returns the duration of a rest-to-rest motion over a distance [s]."""
     if distance * acceleration < speed**2:

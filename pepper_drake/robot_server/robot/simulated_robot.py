@@ -50,6 +50,7 @@ class SimulatedRobot(ChildProcess):
         self._images = [SharedRecord(IMAGE) for _ in CAMERAS]
         self._enabled = [False] * len(CAMERAS)
         self._seen_writes = [0] * len(CAMERAS)
+        self._frozen: dict[int, CameraImage | None] = {}
         self._goal_moves_itself = bool(config.scene.goal.path)
         names = SharedNames(
             self._state.name, self._command.name, tuple(image.name for image in self._images)
@@ -121,8 +122,8 @@ class SimulatedRobot(ChildProcess):
 
     def image(self, camera: int) -> CameraImage | None:
         """Returns a camera's newest image since the request; see `RobotPort`."""
-        if camera not in CAMERAS:
-            return None
+        if camera in self._frozen or camera not in CAMERAS:
+            return self._frozen.get(camera)
         index = list(CAMERAS).index(camera)
         if self._images[index].writes <= self._seen_writes[index]:
             return None
@@ -167,6 +168,19 @@ class SimulatedRobot(ChildProcess):
     def let_go(self) -> None:
         """Releases the guided hand."""
         self._command.write(led_arm="")
+
+    def freeze(self, cameras: Sequence[str]) -> None:
+        """Freezes the newest images of cameras, such as "camera_top", and of no others.
+
+        Raises:
+            ValueError: There is no such camera.
+        """
+        numbers = {name: number for number, name in CAMERAS.items()}
+        for camera in cameras:
+            if camera not in numbers:
+                raise ValueError(f'"{camera}" is no camera; they are {", ".join(numbers)}')
+        self._frozen = {}
+        self._frozen = {numbers[camera]: self.image(numbers[camera]) for camera in cameras}
 
     def touch(self, *sensors: str) -> None:
         """Touches these of `SENSORS`, and no others, until the next call.

@@ -9,6 +9,7 @@ from pepper_drake.naoqi.constants import BASE_LIMITS, FRAME_ROBOT, FRAME_WORLD, 
 from pepper_drake.robot_server.robot.base_controller import (
     BaseController,
     BaseSpeeds,
+    FollowMove,
     Odometry,
     Pose,
     PoseMove,
@@ -49,7 +50,7 @@ class BaseMoves:
     def move(self, caller: Caller, x: float, y: float, theta: float, config: Any = ()) -> None:
         """Moves at a velocity [m/s, rad/s] until `stopMove`."""
         speeds = BaseSpeeds.configured(settings(config))
-        self._start(VelocityMove(self.base, _pose(x, y, theta), speeds), "move", caller)
+        self.start_move(VelocityMove(self.base, _pose(x, y, theta), speeds), "move", caller)
 
     @with_caller
     def move_toward(
@@ -59,7 +60,7 @@ class BaseMoves:
         speeds = BaseSpeeds.configured(settings(config))
         x, y, theta = (min(max(v, -1.0), 1.0) for v in _pose(x, y, theta))
         velocity = (x * speeds.speed, y * speeds.speed, theta * speeds.turning)
-        self._start(VelocityMove(self.base, velocity, speeds), "moveToward", caller)
+        self.start_move(VelocityMove(self.base, velocity, speeds), "moveToward", caller)
 
     @with_caller
     def set_walk_target_velocity(
@@ -88,7 +89,7 @@ class BaseMoves:
                 duration = number(argument, "time")
         speeds = BaseSpeeds.configured(settings(config))
         motion = PoseMove(self.base, points, speeds, self.odometry, duration)
-        await until_ended(self.tasks, self._start(motion, "moveTo", caller))
+        await until_ended(self.tasks, self.start_move(motion, "moveTo", caller))
         return motion.succeeded
 
     @with_caller
@@ -171,7 +172,10 @@ class BaseMoves:
         """Returns the base's velocity in its own frame: vx, vy [m/s], wz [rad/s]."""
         return list(self.state.base_velocity)
 
-    def _start(self, motion: VelocityMove | PoseMove, name: str, caller: Caller) -> Task:
+    def start_move(
+        self, motion: VelocityMove | PoseMove | FollowMove, name: str, caller: Caller
+    ) -> Task:
+        """Starts a move of a client in place of the one before it."""
         self._movers.claim(caller, ("the base",))
         self.tasks.kill_where(lambda task: bool(task.resources & _WHEELS))
         return self.tasks.add(name, WHEELS, motion, caller.client)

@@ -121,6 +121,9 @@ def install_keys(memory: Memory, motion: Motion) -> None:
     memory.compute(keys)
     for key, value in (CONSTANTS | NOTHING_FOUND).items():
         memory.put(key, value)
+    clicks = (f"ALChestButton/{name}" for name in _CLICKS)
+    for event in (*NOTHING_FOUND, *_TOUCH_EVENTS.values(), *clicks):
+        memory.declare_event(event)
     for event in _TOUCH_EVENTS.values():
         memory.put(event, 0.0)
     memory.put("TouchChanged", [])

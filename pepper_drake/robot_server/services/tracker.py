@@ -14,13 +14,17 @@ from pydrake.math import RigidTransform
 from pepper_drake.naoqi.constants import CHAINS, FRAME_ROBOT, FRAME_TORSO, FRAME_WORLD, JOINTS
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
 from pepper_drake.perception.gaze.head_aiming import aim_head, clamp_head
+from pepper_drake.robot_server.robot.base_controller import BaseSpeeds, FollowMove, Pose
 from pepper_drake.robot_server.robot.joint_controller import retarget
 from pepper_drake.robot_server.robot.robot_model import clip_to_limits, kinematics
+from pepper_drake.robot_server.robot.tasks import Task
 from pepper_drake.robot_server.services.kept_settings import keep_settings
 from pepper_drake.robot_server.services.memory import Memory
 from pepper_drake.robot_server.services.motion import Motion
-from pepper_drake.robot_server.services.motion_arguments import fraction, numbers
+from pepper_drake.robot_server.services.motion_arguments import fraction, numbers, settings
 from pepper_drake.robot_server.services.waiting import Module
+from pepper_drake.robot_server.wire.service import Caller
+from pepper_drake.robot_server.wire.signatures import with_caller
 
 Vector = npt.NDArray[np.float64]
 
@@ -32,6 +36,9 @@ _FOLLOWING = 0.5
 
 _LEAST_TIME_OUT = 1.0
 """Shortest time without an event after which a target is lost [s]."""
+
+_FARTHEST = 100.0
+"""Distance above which the base does not go to its place beside a target [m]."""
 
 _CAMERAS = {0: CAMERA_TOP, 1: CAMERA_TOP, 2: CAMERA_BOTTOM}
 """Camera that looks at a target, by the number of the eye in its event."""
@@ -59,7 +66,10 @@ class Tracker(Module):
         self._timeout = 0
         self._range = 0.0
         self._search = False
-        self._relative: Any = []
+        self._relative: list[float] = []
+        self._move_config: Any = []
+        self._caller: Caller | None = None
+        self._move: tuple[Task, FollowMove] | None = None
         self._targets: dict[str, Any] = {}
         keep_settings(
             self,
@@ -67,7 +77,6 @@ class Tracker(Module):
                 "set_maximum_velocity": ("get_maximum_velocity", 0.35),
                 "set_maximum_acceleration": ("get_maximum_acceleration", 0.3),
                 "set_search_fraction_max_speed": ("get_search_fraction_max_speed", 0.2),
-                "set_move_config": ("get_move_config", []),
                 "set_target_coordinates": ("get_target_coordinates", []),
             },
         )
@@ -113,8 +122,7 @@ class Tracker(Module):
 
     def is_target_lost(self) -> bool:
         """Returns whether the target's position is older than the timeout."""
-        time_out = max(self._timeout / 1e3, _LEAST_TIME_OUT)
-        return self._motion.state.time - self._last_seen > time_out
+        return self._motion.state.time - self._last_seen > self._time_until_lost()
 
     def get_active_target(self) -> str:
         """Returns the target or event that is followed, or an empty string."""
@@ -170,20 +178,27 @@ class Tracker(Module):
         self._follow(target)
         self._log(f"ALTracker is to follow {target}; nothing is recognised, and it stays lost")
 
-    def track_event(self, event: str) -> None:
+    @with_caller
+    def track_event(self, caller: Caller, event: str) -> None:
         """Follows the positions in an event's values with the head and the effector.
 
         A value is [position in the world, time, number of the eye] or [position in the torso frame,
         position in the base frame, time, number of the eye]; each position begins with x, y, z [m].
-        The base does not move in any mode.
+        In the mode "Move" the base moves, too, where `setRelativePosition` says.
         """
         self._follow(event)
+        self._caller = caller
         self._memory.listen(event, self._on_event)
 
     def stop_tracker(self) -> None:
         """Stops following, looking and pointing."""
         self._follow("")
         self._motion.tasks.kill_where(lambda task: task.name in ("lookAt", "pointAt"))
+
+    def client_left(self, caller: Caller) -> None:
+        """Ends the moves for a disconnected client; the head follows further."""
+        if self._caller is not None and caller.client == self._caller.client:
+            self._caller = None
 
     def set_effector(self, effector: str) -> None:
         """Sets the arm for tracking."""
@@ -238,16 +253,32 @@ class Tracker(Module):
         self.unregister_all_targets()
         self._effector, self._mode = "None", "Head"
 
-    def set_relative_position(self, position: Any) -> None:
-        """Sets the robot's wanted position relative to a target."""
-        self._relative = position
+    def set_move_config(self, config: Any) -> None:
+        """Sets the limits of the moves in the mode "Move", as `moveTo` takes them."""
+        settings(config)
+        self._move_config = config
 
-    def get_relative_position(self) -> Any:
-        """Returns the robot's wanted position relative to a target."""
+    def get_move_config(self) -> Any:
+        """Returns the limits of the moves in the mode "Move"."""
+        return self._move_config
+
+    def set_relative_position(self, position: Any) -> None:
+        """Sets where the base stands in the mode "Move".
+
+        The six numbers are x, y [m] and angle [rad] in a frame on the target whose x-axis points
+        away from the base, and within how much of each the base does not move.
+        """
+        self._relative = numbers(position, 6, "the relative position") if position else []
+
+    def get_relative_position(self) -> list[float]:
+        """Returns where the base stands in the mode "Move"."""
         return self._relative
 
     def _follow(self, target: str) -> None:
         self._memory.stop_listening(self._on_event)
+        if self._move is not None:
+            self._motion.tasks.kill(self._move[0].id)
+            self._move = None
         if target != self._active:
             self._active, self._p_WP, self._last_seen, self._is_new = target, None, -math.inf, False
             self._has_logged = False
@@ -269,6 +300,8 @@ class Tracker(Module):
             return
         self._p_WP = self._transform(FRAME_WORLD) @ p_T
         self._last_seen, self._is_new = self._motion.state.time, True
+        if self._mode == "Move" and self._relative and self._caller is not None:
+            self._approach(self._p_WP, self._caller)
         targets: dict[str, float] = {}
         if camera is not None:
             yaw, pitch = clamp_head(aim_head(camera, p_T)).tolist()
@@ -276,6 +309,30 @@ class Tracker(Module):
         if self._effector != "None":
             targets |= _point(_arm(self._effector, p_T), p_T)
         retarget(self._motion.joints, self._motion.tasks, targets, _FOLLOWING)
+
+    def _approach(self, p_WP: Vector, caller: Caller) -> None:
+        """Aims the base at its place beside a position in the world."""
+        x, y, _ = self._motion.odometry.pose
+        along, across, turn, *near = self._relative
+        bearing = math.atan2(p_WP[1] - y, p_WP[0] - x)
+        c, s = math.cos(bearing), math.sin(bearing)
+        goal = (p_WP[0] + c * along - s * across, p_WP[1] + s * along + c * across, bearing + turn)
+        if not math.hypot(goal[0] - x, goal[1] - y) < _FARTHEST:
+            return
+        if self._move is None or self._move[0].ended:
+            speeds = BaseSpeeds.configured(settings(self._move_config))
+            move = FollowMove(self._motion.base, speeds, self._motion.odometry)
+            self._aim(move, goal, near)
+            if not move.has_arrived:
+                self._move = self._motion.start_move(move, "trackEvent", caller), move
+        else:
+            self._aim(self._move[1], goal, near)
+
+    def _aim(self, move: FollowMove, goal: Pose, near: list[float]) -> None:
+        move.aim(goal, (near[0], near[1], near[2]), self._time_until_lost())
+
+    def _time_until_lost(self) -> float:
+        return max(self._timeout / 1e3, _LEAST_TIME_OUT)
 
     def _in_torso(self, position: list[float], frame: int) -> Vector:
         return self._transform(frame).inverse() @ np.array(position)

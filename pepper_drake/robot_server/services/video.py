@@ -126,10 +126,10 @@ class Video(CameraFacts, Module):
     async def get_image_remote(self, handle: str) -> list[Any] | None:
         """Returns the newest image: size, layers, space, time, bytes, camera, four angles.
 
-        None if the camera has no image within a second.
+        None if the camera has no image within a second, or nobody has the handle.
         """
-        subscription = self._subscription(handle)
-        return await self._reply(subscription.streams[0])
+        found = self._subscriptions.get(handle)
+        return None if found is None else await self._reply(found.streams[0])
 
     async def get_direct_raw_image_remote(self, handle: str) -> list[Any] | None:
         """As `getImageRemote`: there is no other copy of an image."""
@@ -365,8 +365,8 @@ def _is_int(value: Any) -> bool:
 
 
 def _handles(name: str) -> list[str]:
-    """Returns the possible handles of a name."""
-    return [name, *(f"{name}_{k}" for k in range(2, SUBSCRIPTIONS + 1))]
+    """Returns the possible handles of a name, as a Pepper's `getSubscribers` lists them."""
+    return [f"{name}_{k}" for k in range(SUBSCRIPTIONS)]
 
 
 def encode_image(image: CameraImage, stream: Stream) -> list[Any]:

@@ -22,6 +22,7 @@ from pepper_drake.naoqi.wire import (
     WireError,
     decode,
     encode,
+    fit,
     parse_signature,
     read_header,
 )
@@ -182,11 +183,16 @@ class Connection:
             await self._free.acquire()
             self._start(message)
         elif kind == MessageType.CANCEL:
+            self._cancel(message)
+        elif kind not in (MessageType.CAPABILITY, MessageType.EVENT):
+            raise WireError(f"a message of the unknown type {kind}")
+
+    def _cancel(self, message: Message) -> None:
+        """Cancels the named call; as on a robot, a request without a name is ignored."""
+        with contextlib.suppress(WireError):
             task = self._calls.get(decode("I", message.payload))
             if task is not None:
                 task.cancel()
-        elif kind not in (MessageType.CAPABILITY, MessageType.EVENT):
-            raise WireError(f"a message of the unknown type {kind}")
 
     def _handshake(self, message: Message) -> None:
         given = decode("{sm}", message.payload)
@@ -282,12 +288,14 @@ class Connection:
         """
         reader = Reader(message.payload, lambda at: read_object(at, self))
         dynamic = message.flags & MessageFlag.DYNAMIC_PAYLOAD
+        declared = parse_signature(parameters)
         try:
-            arguments = reader.read("m" if dynamic else parameters)
+            arguments: Any = reader.read("m" if dynamic else parameters)
+            # A caller that cannot convert its arguments leaves that to us.
+            arguments = fit(declared, arguments) if dynamic else arguments
         except WireError as error:
             raise ServiceError(f"the arguments do not fit {parameters}: {error}") from None
-        expected = len(parse_signature(parameters).items)
-        if not isinstance(arguments, tuple) or len(arguments) != expected:
+        if not isinstance(arguments, tuple) or len(arguments) != len(declared.items):
             raise ServiceError(f"the arguments do not fit {parameters}")
         return arguments
 

@@ -33,6 +33,7 @@ class Directory:
 
     Attributes:
         service: The directory as a service.
+        session: Number that a reboot changes.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class Directory:
         """
         self._endpoints, self._connection = endpoints, connection
         self._machine = str(uuid.uuid4())
+        self.session = 0
         self._numbers = itertools.count(DIRECTORY + 1)
         self._entries: dict[int, _Entry] = {}
         self.service = Service("ServiceDirectory", "NAOqi's services by their names.")
@@ -111,7 +113,7 @@ class Directory:
         """Returns an entry with the addresses for this client."""
         if entry.service is None:
             return entry.info
-        return (*entry.info[:4], self._endpoints(caller), *entry.info[5:])
+        return (*entry.info[:4], self._endpoints(caller), str(self.session), *entry.info[6:])
 
     def _service(self, caller: Caller, name: str) -> tuple[Any, ...]:
         number = self._number(name)

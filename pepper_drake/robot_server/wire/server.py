@@ -106,6 +106,12 @@ class QiServer:
             connection.abort()
         await asyncio.gather(*ends, return_exceptions=True)
 
+    def restart(self) -> None:
+        """Ends all connections and begins another session, as a robot's reboot does."""
+        self.directory.session += 1
+        for connection, _, _ in self._connections.values():
+            connection.abort()
+
     def _endpoints(self, caller: Caller) -> list[str]:
         """Returns the addresses for a client: those to which it connected."""
         _, _, host = self._connections[caller.client]
