@@ -216,7 +216,7 @@ def try_one(form: Format, seed: str, folder: Path, good: Path | None = None) -> 
 
 
 @contextlib.contextmanager
-def _made_files(form: Format) -> Iterator[Path]:
+def made_files(form: Format) -> Iterator[Path]:
     """Makes a format's files once, for `try_one` to copy."""
     with tempfile.TemporaryDirectory() as folder:
         good = Path(folder) / "good"
@@ -231,7 +231,7 @@ def _work(form: Format, seed: str, numbers: range, channel: Connection) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 2)
-    with _made_files(form) as good:
+    with made_files(form) as good:
         for number in numbers:
             channel.send((number, "begins", ""))
             with tempfile.TemporaryDirectory() as folder:

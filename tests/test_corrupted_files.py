@@ -23,12 +23,13 @@ def test_a_good_file_is_accepted(tmp_path, name):
 @pytest.mark.parametrize("name", FORMATS)
 def test_corrupted_files_are_accepted_or_refused_in_one_line(tmp_path, name):
     seen = set()
-    for number in range(12):
-        folder = tmp_path / str(number)
-        folder.mkdir()
-        outcome, words = fuzz.try_one(FORMATS[name], f"test {name} {number}", folder)
-        assert outcome in ("accepted", "refused"), (number, words)
-        seen.add(outcome)
+    with fuzz.made_files(FORMATS[name]) as good:
+        for number in range(12):
+            folder = tmp_path / str(number)
+            folder.mkdir()
+            outcome, words = fuzz.try_one(FORMATS[name], f"test {name} {number}", folder, good)
+            assert outcome in ("accepted", "refused"), (number, words)
+            seen.add(outcome)
     assert "refused" in seen
 
 

@@ -34,7 +34,7 @@ ALLOWED = {
         "offline": "_SLICE _REST_SPEED LONGEST _LIMIT_TOLERANCE"
     },
     "diagrams/robot_signals.py": {"format": "_BEYOND _FARTHEST"},
-    "diagrams/simulate.py": {"numeric": "_KEEP_PERIOD _ROUNDING"},
+    "diagrams/simulate.py": {"numeric": "_KEEP_PERIOD _KEEP_SHARE _ROUNDING"},
     "diagrams/station.py": {"physics": "_STRENGTH _GEAR_FRICTION"},
     "diagrams/taught_movement.py": {"offline": "_STRIDE"},
     "diagrams/touch_report.py": {"offline": "_NEAR _REST_SPEED"},

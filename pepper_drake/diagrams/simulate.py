@@ -11,7 +11,9 @@ from tqdm import tqdm
 from pepper_drake.errors import PepperDrakeError
 
 _KEEP_PERIOD = 0.8
-"""Wall time between two calls of `keep` [s], plus up to one `period`."""
+"""Least wall time between two calls of `keep` [s], plus up to one `period`."""
+_KEEP_SHARE = 0.05
+"""Largest share of the wall time that `keep` takes."""
 _ROUNDING = 1e-9
 """Tolerance of times [s]."""
 _GOES_ON = (EventStatus.Severity.kDidNothing, EventStatus.Severity.kSucceeded)
@@ -57,14 +59,15 @@ def simulate(
         until: Latest end in simulated time [s].
         watch: Called once per `period`; the simulation is over when it returns True.
         should_stop: Polled before the first step and once per `period`.
-        keep: Called about once a second of wall time, in case the program is killed.
+        keep: Called about once a second of wall time, in case the program is killed; less often
+            where it takes long, as on a busy computer.
         period: Simulated time between two calls [s].
         progress: Whether a progress bar is shown.
         title: Title of the progress bar; may change.
     """
     context, monitor = simulator.get_context(), simulator.get_monitor()
     began, watched = time.perf_counter(), 0.0
-    kept = began
+    keep_due = began + _KEEP_PERIOD
     stopped, fault = should_stop(), ""
     next_look = context.get_time() + period
     bar = tqdm(
@@ -75,7 +78,7 @@ def simulate(
     )
 
     def look(root: Context) -> EventStatus:
-        nonlocal next_look, kept, stopped, watched
+        nonlocal next_look, keep_due, stopped, watched
         if monitor is not None:
             status = monitor(root)
             if status is not None and status.severity() not in _GOES_ON:
@@ -85,9 +88,11 @@ def simulate(
         started = time.perf_counter()
         next_look += period
         is_over = watch()
-        if keep is not None and started - kept > _KEEP_PERIOD:
+        if keep is not None and started > keep_due:
+            keeping = time.perf_counter()
             keep()
             kept = time.perf_counter()
+            keep_due = kept + max(_KEEP_PERIOD, (kept - keeping) / _KEEP_SHARE)
         bar.set_description(title if isinstance(title, str) else title(), refresh=False)
         bar.update(period)
         watched += time.perf_counter() - started

@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import gc
 import math
+import weakref
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -60,6 +61,10 @@ _HAND_PORTS = tuple(
     for arm in ("left", "right")
     for what in ("pose", "position", "orientation")
 )
+
+
+_stations: "weakref.WeakSet[PepperStation]" = weakref.WeakSet()
+"""Stations that are in memory, in use or not."""
 
 
 def plant_config(time_step: float) -> MultibodyPlantConfig:
@@ -188,8 +193,10 @@ class PepperStation(Diagram):
             positions: Start positions of all joints by name [rad, m]; the scene's if omitted.
         """
         super().__init__()
-        # An earlier station takes 100 MB, but too few objects to trigger a collection soon.
-        gc.collect()
+        if _stations:
+            # Each takes 100 MB, but has too few objects to trigger a collection soon.
+            gc.collect()
+        _stations.add(self)
         self.config, self.control_model = config, model
         self.renderer: AsyncRenderer | None = None
         cameras = HEAD_CAMERA_MODELS | calibrated_cameras(config.calibration)

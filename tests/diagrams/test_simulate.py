@@ -1,3 +1,5 @@
+import time
+
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
@@ -80,3 +82,20 @@ def test_a_monitor_goes_on_and_may_end_it():
     assert simulator.get_monitor() is not None
     assert max(times) <= 1.0
     assert times
+
+
+def test_keeping_takes_a_small_part_of_the_time_however_slow_it_is(monkeypatch):
+    now, kept = [0.0], []
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+
+    def watch():
+        now[0] += 1.0
+        return False
+
+    def keep():
+        kept.append(now[0])
+        now[0] += 0.0 if len(kept) < 3 else 2.0
+
+    simulate(make(), 10.0, watch=watch, keep=keep, period=0.1)
+    # At once where it costs nothing; after 2 s of it not for 40 s.
+    assert kept == [2.0, 4.0, 6.0, 50.0, 94.0]

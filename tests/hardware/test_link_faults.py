@@ -12,7 +12,7 @@ from test_link import ARM, NAOQI, START, Led, led
 
 import pepper_drake.hardware.link
 from pepper_drake.errors import InputError
-from pepper_drake.hardware import dead_man
+from pepper_drake.hardware import camera_reader, dead_man
 from pepper_drake.hardware.link import RobotLink
 from pepper_drake.hardware.link_config import LATE_CYCLES, LinkConfig
 from pepper_drake.hardware.link_fault import LinkFault
@@ -137,7 +137,8 @@ def test_a_camera_of_another_size_is_told():
 
 def test_a_robot_that_answers_late_is_refused_and_not_led():
     async def run(robot):
-        async with delayed(robot.address, 0.15) as address:
+        # An answer in more than 0.21 s, the longest lookahead without its margin, is too late.
+        async with delayed(robot.address, 0.11) as address:
             robot.server.directory._endpoints = lambda _: [address]
             mailbox, transport = Mailbox(), make_transport(RobotAccess(address))
             await transport.connect()
@@ -359,7 +360,9 @@ def test_an_arm_that_does_not_follow_is_told():
     led(scenario)
 
 
-def test_a_frozen_camera_is_told():
+def test_a_frozen_camera_is_told(monkeypatch):
+    monkeypatch.setattr(camera_reader, "WARM_UP", 0.3)
+
     async def scenario(it):
         since = cycles(it)
         image = CameraImage(it.robot.robot.now, np.zeros((480, 640, 3), np.uint8))

@@ -155,8 +155,14 @@ def test_stop_hands_the_arm_over_where_it_is(story):
     np.testing.assert_allclose(moved, [-0.05, -0.05, 0], atol=0.02)
 
 
-def test_buttons_that_make_no_sense_say_so_and_change_nothing(make_session, tmp_path):
-    session = make_session(tmp_path)
+@pytest.fixture(scope="module")
+def idle(make_session):
+    """A robot that one session after another has."""
+    return make_session().simulation
+
+
+def test_buttons_that_make_no_sense_say_so_and_change_nothing(idle, tmp_path):
+    session = LiveSession(idle, tmp_path)
     for button, words in (
         (session.stop, "Nothing is running"),
         (session.learn, "nothing to learn"),
@@ -181,8 +187,8 @@ def test_buttons_that_make_no_sense_say_so_and_change_nothing(make_session, tmp_
     assert list((tmp_path / "recording").iterdir()) == []
 
 
-def test_a_notice_gives_way_to_what_can_be_done_next(make_session):
-    session = make_session()
+def test_a_notice_gives_way_to_what_can_be_done_next(idle):
+    session = LiveSession(idle)
     described = session.status
     session.stop()
     assert session.status != described
@@ -190,20 +196,20 @@ def test_a_notice_gives_way_to_what_can_be_done_next(make_session):
     assert session.status == described
 
 
-def test_an_interrupted_recording_is_not_overwritten(make_session, tmp_path):
+def test_an_interrupted_recording_is_not_overwritten(idle, tmp_path):
     recording = tmp_path / "recording"
     recording.mkdir()
     (recording / "recording.partial.csv").write_text("kept\n")
-    session = make_session(tmp_path)
+    session = LiveSession(idle, tmp_path)
     session.record()
     assert "interrupted recording" in session.status
     assert session.mode == Mode.GUIDED
     assert (recording / "recording.partial.csv").read_text() == "kept\n"
 
 
-def test_what_cannot_be_moved_is_named(make_session):
+def test_what_cannot_be_moved_is_named(idle):
     with pytest.raises(PepperDrakeError, match='"tray" cannot be moved; ball, goal_object can'):
-        make_session().simulation.set_offset("tray", np.zeros(3))
+        idle.set_offset("tray", np.zeros(3))
 
 
 @pytest.mark.render
@@ -250,9 +256,10 @@ def test_a_ball_in_the_way_is_passed_or_the_page_says_why_not(make_session, stor
         assert simulation.reach_state().message in session.status
 
 
-def test_a_person_is_attended_to_several_times_a_frame(make_session):
-    session, times = make_session(), []
+def test_a_person_is_attended_to_several_times_a_frame(idle):
+    session, times = LiveSession(idle), []
+    start = idle.time
     for _ in range(2):
-        session.advance(lambda: times.append(session.simulation.time))
-    np.testing.assert_allclose(times, np.arange(8) / 128)
-    assert session.simulation.time == 2 / 32
+        session.advance(lambda: times.append(idle.time))
+    np.testing.assert_allclose(times, start + np.arange(8) / 128)
+    assert idle.time == start + 2 / 32

@@ -24,6 +24,8 @@ def _go(position, velocity, target, speed, acceleration, cycles=2000):
     for _ in range(cycles):
         x, v = step_towards(x, v, np.array([target]), *limits)
         path.append((x[0], v[0]))
+        if path[-1] == path[-2]:  # It stays as it is from here on.
+            break
     return np.array(path)
 
 

@@ -1,5 +1,6 @@
 """The phase variable shared by all parts of a motion."""
 
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,7 +38,8 @@ class _Present(NamedTuple):
         return self.movement.primitive
 
 
-@TemplateSystem.define("CanonicalSystem_")
+# Without a scope Drake reads the sources of all that import this module: half a second.
+@TemplateSystem.define("CanonicalSystem_", scope=sys.modules[__name__])
 def CanonicalSystem_(T: type) -> type:
     """Makes `CanonicalSystem` for a scalar type."""
 

@@ -1,5 +1,6 @@
 """The hand's position along a learned motion."""
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,8 @@ from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.systems.framework import ValueProducer, leaf_system
 
 
-@TemplateSystem.define("TransformationSystem_")
+# Without a scope Drake reads the sources of all that import this module: half a second.
+@TemplateSystem.define("TransformationSystem_", scope=sys.modules[__name__])
 def TransformationSystem_(T: type) -> type:
     """Makes `TransformationSystem` for a scalar type."""
 

@@ -24,6 +24,7 @@ from tests.planning.reach.planner_setup import (
 )
 
 
+@pytest.fixture(scope="module")
 def room():
     """Space seen by images of an empty room, taken with the head turned to angles ahead."""
     camera, space = CAMERA_DEPTH.intrinsics, SeenSpace(VoxelMap.empty())
@@ -44,7 +45,7 @@ def watchful(right_primitive):
     return make_planner(right_primitive, make_coupling("barrier"), unseen=params)
 
 
-def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful):
+def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful, room):
     observation = observed(ORIGIN, object_at())
     unseen = replace(observation, space=SeenSpace(VoxelMap.empty()))
     plan = watchful.plan_base_placement(unseen)
@@ -54,13 +55,13 @@ def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful):
     ahead = plan.unseen[:, :2].mean(axis=0)
     assert 0.0 < ahead[0] < plan.base_pose[0] + 0.3
     assert watchful.check_drive(plan, unseen).status == PlanStatus.NOT_SEEN
-    seen = watchful.check_drive(plan, replace(observation, space=room()))
+    seen = watchful.check_drive(plan, replace(observation, space=room))
     assert (seen.status, seen.message, len(seen.unseen)) == (PlanStatus.CLEAR, "", 0)
     # Low and near there is much that no head angle shows, which is told.
     assert 0.05 < seen.out_of_view < 0.3
     way = 0.5 * plan.base_pose
     box = sheet((way[0] - 0.1, way[0] + 0.1), (way[1] - 0.1, way[1] + 0.1), 0.2)
-    blocked = watchful.check_drive(plan, replace(observation, space=room(), cloud=box))
+    blocked = watchful.check_drive(plan, replace(observation, space=room, cloud=box))
     assert blocked.status == PlanStatus.NO_STANDING_ROOM
 
 
@@ -73,12 +74,12 @@ def test_a_drive_through_unseen_space_may_be_accepted(right_primitive):
     assert len(plan.unseen) > 100
 
 
-def test_what_is_hidden_below_a_thing_is_no_room_for_the_base(watchful):
+def test_what_is_hidden_below_a_thing_is_no_room_for_the_base(watchful, room):
     # Of a box on the floor, aside, its top shows alone, above the base.
     plan = stand(watchful, object_at())
     there = plan.base_pose + [0.0, 0.33, 0.0]
     top = sheet((there[0] - 0.1, there[0] + 0.1), (there[1] - 0.1, there[1] + 0.1), 0.5)
     seen = replace(observed(ORIGIN, object_at()), cloud=top)
-    free, unknown = (replace(seen, space=s) for s in (room(), SeenSpace(VoxelMap.empty())))
+    free, unknown = (replace(seen, space=s) for s in (room, SeenSpace(VoxelMap.empty())))
     assert watchful.check_drive(plan, free).status == PlanStatus.CLEAR
     assert watchful.check_drive(plan, unknown).status == PlanStatus.NO_STANDING_ROOM
