@@ -15,6 +15,7 @@ import numpy as np
 
 from pepper_drake.learning.approximators.gaussian_forcing import GaussianForcing, even_basis
 from pepper_drake.learning.approximators.registry import Approximator, Array, ForcingData, register
+from pepper_drake.learning.cached_times import TimesKey
 from pepper_drake.learning.least_squares import ridge_regression, ridge_solver
 from pepper_drake.learning.phase import phase_at
 from pepper_drake.learning.spring import forced_response_at, node_times
@@ -39,30 +40,16 @@ def _fit(data: ForcingData, num_basis: int, overlap: float, slopes: bool) -> Gau
     basis = even_basis(num_basis, overlap, data.alpha_x, slopes=slopes)
     key = (num_basis, overlap, slopes, data.alpha_x, data.alpha_z)
     if len(data.lengths) == 1 and np.ptp(data.scales, axis=0).max() == 0.0:
-        solver = _cached_solver(_TimesKey(data.times), *key)
+        solver = _cached_solver(TimesKey(data.times), *key)
         return GaussianForcing(basis, solver @ data.responses)
     ends = np.cumsum(data.lengths)[:-1]
     columns = np.vstack([_responses(times, *key) for times in np.split(data.times, ends)])
     return GaussianForcing(basis, ridge_regression(columns, data.responses, data.scales))
 
 
-class _TimesKey:
-    """Relative times as a key: equal when all differ by less than a billionth of the motion."""
-
-    def __init__(self, times: Array) -> None:
-        self.times = times
-        self._key = np.round(times * 1e9).astype(np.int64).tobytes()
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _TimesKey) and self._key == other._key
-
-
 @lru_cache(maxsize=32)
 def _cached_solver(
-    times: _TimesKey, num_basis: int, overlap: float, slopes: bool, alpha_x: float, alpha_z: float
+    times: TimesKey, num_basis: int, overlap: float, slopes: bool, alpha_x: float, alpha_z: float
 ) -> Array:
     return ridge_solver(_responses(times.times, num_basis, overlap, slopes, alpha_x, alpha_z))
 

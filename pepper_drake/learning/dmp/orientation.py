@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import make_interp_spline
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import rotations as so3
+from pepper_drake.learning.cached_times import spline_derivatives
 from pepper_drake.learning.dmp.transformation import (
     DelayedGoal,
     MotionSample,
@@ -226,10 +226,7 @@ def learn_orientation(
             if samples:
                 turns = np.round((samples[0].positions[-1] - coordinates[-1]) / (2.0 * np.pi))
                 coordinates = coordinates + 2.0 * np.pi * turns
-        spline = make_interp_spline(s, coordinates, k=5 if len(s) > 5 else 3)
-        samples.append(
-            MotionSample(s, coordinates, spline.derivative(1)(s), spline.derivative(2)(s))
-        )
+        samples.append(MotionSample(s, coordinates, *spline_derivatives(s, coordinates)))
     return OrientationAttractor(
         learn_attractor(samples, approximator, num_basis, "gradual", alpha_z, seed),
         mode,

@@ -13,6 +13,8 @@ Array = npt.NDArray[np.float64]
 _CELL, _MOST_CELLS = 0.04, 64
 """Edge of a cell [m], and most cells along an axis: points that are far apart get larger ones."""
 
+_ITSELF = np.zeros((1, 3))
+
 
 class PointCells(NamedTuple):
     """Points in the order of their cells.
@@ -32,37 +34,49 @@ class PointCells(NamedTuple):
     size: float
 
     @classmethod
-    def of(cls, points: Array) -> "PointCells":
-        """Sorts points (P, 3) [m], P not zero."""
-        axes = range(3)  # Column by column: numpy reduces along the short axis ten times slower.
-        lower = np.array([points[:, k].min() for k in axes])
-        extent = np.array([points[:, k].max() for k in axes]) - lower
-        size = max(_CELL, float(extent.max()) / _MOST_CELLS)
-        counts = np.floor(extent / size).astype(np.int64) + 1
-        return cls(*_sorted(np.array(points), lower, counts, size), lower, counts, size)
+    def of(cls, points: Array, offsets: Array = _ITSELF) -> "PointCells":
+        """Sorts points (P, 3) [m], P not zero, each of them at K offsets (K, 3) from it."""
+        return cls(*_sorted(np.array(points, order="C"), offsets))
 
 
 @compiled
 def _sorted(
-    points: Array, lower: Array, counts: npt.NDArray[np.int64], size: float
-) -> tuple[Array, npt.NDArray[np.int64]]:
-    """The points by their cells, and the first of each cell."""
-    cells = np.empty(len(points), np.int64)
-    first = np.zeros(counts[0] * counts[1] * counts[2] + 1, np.int64)
+    points: Array, offsets: Array
+) -> tuple[Array, npt.NDArray[np.int64], Array, npt.NDArray[np.int64], float]:
+    """Returns what `PointCells` holds."""
+    lower, upper, size = np.full(3, np.inf), np.full(3, -np.inf), _CELL
     for n in range(len(points)):
-        cell = 0
         for k in range(3):
-            index = int((points[n, k] - lower[k]) / size)
-            cell = cell * counts[k] + min(max(index, 0), counts[k] - 1)
-        cells[n] = cell
-        first[cell + 1] += 1
+            lower[k], upper[k] = min(lower[k], points[n, k]), max(upper[k], points[n, k])
+    for k in range(3):
+        lower[k] += offsets[:, k].min()
+        size = max(size, (upper[k] + offsets[:, k].max() - lower[k]) / _MOST_CELLS)
+    counts = np.empty(3, np.int64)
+    for k in range(3):
+        counts[k] = int((upper[k] + offsets[:, k].max() - lower[k]) / size) + 1
+    cells = np.empty(len(points) * len(offsets), np.int64)
+    first = np.zeros(counts[0] * counts[1] * counts[2] + 1, np.int64)
+    number = 0
+    for m in range(len(offsets)):
+        for n in range(len(points)):
+            cell = 0
+            for k in range(3):
+                index = int((points[n, k] + offsets[m, k] - lower[k]) / size)
+                cell = cell * counts[k] + min(max(index, 0), counts[k] - 1)
+            cells[number] = cell
+            first[cell + 1] += 1
+            number += 1
     for cell in range(len(first) - 1):
         first[cell + 1] += first[cell]
-    place, ordered = first.copy(), np.empty_like(points)
-    for n in range(len(points)):
-        ordered[place[cells[n]]] = points[n]
-        place[cells[n]] += 1
-    return ordered, first
+    place, ordered, number = first.copy(), np.empty((len(cells), 3)), 0
+    for m in range(len(offsets)):
+        for n in range(len(points)):
+            row = place[cells[number]]
+            place[cells[number]] += 1
+            number += 1
+            for k in range(3):
+                ordered[row, k] = points[n, k] + offsets[m, k]
+    return ordered, first, lower, counts, size
 
 
 @compiled

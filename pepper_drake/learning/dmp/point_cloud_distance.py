@@ -61,19 +61,13 @@ class PointCloudDistance:
             raise InputError(f"obstacles: shape {cloud.shape}; give points of shape (P, 3)")
         self.points = cloud[np.isfinite(cloud @ _ONES)]
         depths = np.linspace(0.0, extension, round(extension / _SPACING) + 1)
-        columns = self.points + np.multiply.outer(depths, np.asarray(down, dtype=float))[:, None]
-        self._solid = columns.reshape(-1, 3)
-        self._neighbours = min(_NEIGHBOURS, len(self._solid))
+        self._offsets = np.multiply.outer(depths, np.asarray(down, dtype=float))
+        self._neighbours = min(_NEIGHBOURS, len(self.points) * len(depths))
 
     @cached_property
     def cells(self) -> PointCells | None:
         """The extended cloud, sorted into cells; None for an empty cloud."""
-        return PointCells.of(self._solid) if len(self._solid) else None
-
-    @property
-    def solid_points(self) -> Array:
-        """(Q, 3) the extended cloud [m]."""
-        return self._solid
+        return PointCells.of(self.points, self._offsets) if len(self.points) else None
 
     def distance(self, positions: npt.ArrayLike, within: float = np.inf) -> Array:
         """Returns the distance (...) [m] of positions (..., 3); infinite for an empty cloud.

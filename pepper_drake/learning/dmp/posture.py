@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators.gaussian_forcing import GaussianBasis, even_basis
+from pepper_drake.learning.cached_times import TimesKey
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.least_squares import ridge_solver
 from pepper_drake.learning.phase import PHASE_RATIO, phase_at
@@ -71,8 +73,14 @@ def learn_posture(
             raise InputError(
                 f"{demo.name}: its joints differ from those of {demonstrations[0].name}"
             )
-    features = _features(np.concatenate(times), num_basis)
-    return PostureProfile(names, ridge_solver(features) @ np.concatenate(joints))
+    solver = _solver(TimesKey(np.concatenate(times)), num_basis)
+    return PostureProfile(names, solver @ np.concatenate(joints))
+
+
+@lru_cache(maxsize=16)
+def _solver(times: TimesKey, num_basis: int) -> Array:
+    """Returns the matrix from joints at relative times to weights; most paths have even times."""
+    return ridge_solver(_features(times.times, num_basis))
 
 
 def _features(relative_times: Array, num_basis: int) -> Array:

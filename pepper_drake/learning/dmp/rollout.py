@@ -314,13 +314,14 @@ def orientation_motion(
         forcing_at = attractor.forcing(state.coordinates[0], target)
         taus = motion.taus[:-1]
         inputs = forcing_at(nodes.ravel()).reshape(*nodes.shape, -1) / taus[:, None, None] ** 2
-        matrices = [make_step(now, time_step, attractor.alpha_z) for now in taus.tolist()]
+        different, which = np.unique(taus, return_inverse=True)  # Most motions have one tau.
+        matrices = [make_step(one, time_step, attractor.alpha_z) for one in different.tolist()]
         states = advance_all(
             state.coordinates,
             target,
             np.ascontiguousarray(inputs),
-            np.array([matrix.transition for matrix in matrices]),
-            np.array([matrix.gain for matrix in matrices]),
+            np.array([matrix.transition for matrix in matrices])[which],
+            np.array([matrix.gain for matrix in matrices])[which],
         )
         coordinates, rates = states[:, 0], states[:, 1]
     return (

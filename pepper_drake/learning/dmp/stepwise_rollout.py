@@ -190,19 +190,24 @@ class _Obstacles:
         """
         moved = run.states[:, 0] - self._position
         nearest = self._distance - np.sqrt(np.einsum("ij,ij->i", moved, moved))
-        near = nearest <= self._coupling.zero_beyond(run.states, run.totals)
-        near[0] = False
-        first = int(np.argmax(near))
-        if not near[first]:
+        silent = self._coupling.zero_beyond(run.states, run.totals)
+        near = np.flatnonzero(nearest <= silent)
+        near = near[near > 0]
+        if not len(near):
             return run.steps
-        self._find_clearance(goal)
-        push = self._coupling.push(
-            self._field, run.states[first:], run.totals[first:], goal.position, self._clearance, tau
-        )
-        pushed = push.coupling.any(axis=-1)
-        steps = first + int(np.argmax(pushed)) if pushed.any() else run.steps
-        self._distance = float(push.distance[steps - first])
+        silent = silent[near]
+        within = float(silent.max())
+        near = near[self._field.distance(run.states[near, 0], within=within) <= silent]
+        steps = run.steps
+        if len(near):
+            self._find_clearance(goal)
+            push = self._coupling.push(
+                self._field, run.states[near], run.totals[near], goal.position, self._clearance, tau
+            )
+            pushed = near[push.coupling.any(axis=-1)]
+            steps = int(pushed[0]) if len(pushed) else run.steps
         self._position = run.states[steps, 0]
+        self._distance = float(self._field.distance(self._position))
         return steps
 
     def _find_clearance(self, goal: DelayedGoal) -> None:

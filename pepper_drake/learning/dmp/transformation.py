@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,9 @@ Scalar = Any  # A float, or an AutoDiffXd for gradients.
 
 Forcing = Callable[[Array], Array]
 """A forcing term with its scaling: phases (..., M) to (..., M, D)."""
+
+_is_linear: dict[type, bool] = {}
+"""For each class of forcing models, whether they are linear in their weights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,8 +134,11 @@ class TransformationModel:
     @cached_property
     def linear_model(self) -> LinearForcingModel | None:
         """The forcing term if it is linear in its weights, else None."""
-        # Cached: isinstance of a protocol takes longer than a step.
-        return self.model if isinstance(self.model, LinearForcingModel) else None
+        # isinstance of a protocol takes longer than ten steps: once for each class.
+        kind, model = type(self.model), self.model
+        if kind not in _is_linear:
+            _is_linear[kind] = isinstance(model, LinearForcingModel)
+        return cast(LinearForcingModel, model) if _is_linear[kind] else None
 
     def matrix(self, start: Array, goal: Array) -> Array | None:
         """Returns the scaling's matrix S for a start and a goal."""

@@ -111,7 +111,7 @@ class ArmCollisionChecker:
     ) -> None:
         self.kinematics, self._shapes = shapes.kinematics, shapes
         self._field, self._X_FT = obstacles, X_FT
-        self._object, self._X_TO = goal_object, X_TO
+        self._object, self._X_OT = goal_object, X_TO.inverse()
         self._body, self._body_layer, self._allowance = body, body_layer, body_allowance
         self._watched = self_collision_spheres(self.kinematics.spheres)
 
@@ -125,7 +125,7 @@ class ArmCollisionChecker:
 
     def object_distances(self, joints: Vector) -> Vector:
         """Returns the least distance (N,) to the goal object, as `distances` [m]."""
-        return self._shapes.distances(joints, self._object, self._X_TO.inverse(), within=FARTHEST)
+        return self._shapes.distances(joints, self._object, self._X_OT, within=FARTHEST)
 
     def self_distances(self, joints: Vector, within: float = np.inf) -> Vector:
         """Returns the least distance (N,) of forearm and hand to the robot's body [m].
@@ -156,7 +156,7 @@ class ArmCollisionChecker:
         """Distances (N,) of places (N, 3) to seen obstacles and the goal object [m]."""
         return np.minimum(
             self._field.distance(_moved(self._X_FT, p_T), GRID_CAP),
-            self._object.distance(_moved(self._X_TO.inverse(), p_T), GRID_CAP),
+            self._object.distance(_moved(self._X_OT, p_T), GRID_CAP),
         )
 
     @cached_property

@@ -263,8 +263,21 @@ def looked_up(points: Vector, layers: Numbers, grid: GridArrays) -> tuple[Floats
 
 
 @compiled
-def not_measured(nodes: Numbers, measured: npt.NDArray[np.bool_], counts: Numbers) -> Numbers:
-    """Returns the unmeasured of nodes (K,) and of their neighbours, and marks them as measured."""
+def not_measured(
+    nodes: Numbers, measured: npt.NDArray[np.bool_], counts: Numbers, lower: Vector, spacing: float
+) -> tuple[Numbers, Vector]:
+    """Returns the unmeasured of nodes (K,) and of their neighbours, and marks them as measured.
+
+    Args:
+        nodes: (K,).
+        measured: (N,) of all nodes, modified in place.
+        counts: (3,) number of nodes along each axis.
+        lower: (3,) position of the first node [m].
+        spacing: Distance between nodes [m].
+
+    Returns:
+        Their numbers (M,) and positions (M, 3) [m].
+    """
     found, count = np.empty(7 * len(nodes), np.int64), 0
     for node in nodes:
         stride = 1
@@ -276,7 +289,13 @@ def not_measured(nodes: Numbers, measured: npt.NDArray[np.bool_], counts: Number
                     found[count] = node + offset * stride
                     count += 1
             stride *= counts[axis]
-    return found[:count]
+    places = np.empty((count, 3))
+    for n in range(count):
+        node = found[n]
+        for axis in range(2, -1, -1):
+            places[n, axis] = lower[axis] + spacing * (node % counts[axis])
+            node //= counts[axis]
+    return found[:count], places
 
 
 @compiled

@@ -99,15 +99,16 @@ class DistanceGrid:
 
     def make_ready(self, nodes: npt.NDArray[np.int64]) -> None:
         """Measures nodes (K,), and their neighbours for the differences."""
-        counts, values = self.region.counts, self._values
+        grid, values = self.arrays, self._values
         if self._measure is not None:
-            new = not_measured(nodes, self._measured, self.arrays.counts)
-            places = np.stack(np.unravel_index(new, counts), axis=1)
+            new, places = not_measured(
+                nodes, self._measured, grid.counts, grid.lower, self.region.spacing
+            )
             try:
-                distances = self._measure(self.region.lower + self.region.spacing * places)
+                distances = self._measure(places)
             except BaseException:  # Interrupted by the user: what was not measured stays unknown.
                 self._measured[new] = False
-                self.arrays.state[nodes] = UNKNOWN
+                grid.state[nodes] = UNKNOWN
                 raise
             values[:, new] = np.minimum(values[:, new], distances)
-        make_rows(nodes, values, self.arrays)
+        make_rows(nodes, values, grid)

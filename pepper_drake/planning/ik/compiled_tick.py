@@ -120,6 +120,15 @@ def _quaternion(R: Vector) -> Vector:
 
 
 @compiled
+def quaternions(rotations: Vector) -> Vector:
+    """Returns the unit quaternions (N, 4) w, x, y, z of matrices (N, 3, 3)."""
+    found = np.empty((len(rotations), 4))
+    for n in range(len(rotations)):
+        found[n] = _quaternion(rotations[n])
+    return found
+
+
+@compiled
 def _rotation_vector(asked: Vector, R: Vector) -> Vector:
     """Returns the rotation vector (3,) in T [rad] from R to the desired quaternion."""
     w, x, y, z = _quaternion(R)

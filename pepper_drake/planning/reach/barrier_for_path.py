@@ -43,18 +43,22 @@ def fit_barrier_to_path(
         The same barrier with another hand radius. A negative one means that the path passes
         obstacles so fast and closely that only a nearer obstacle activates the barrier.
     """
-    distance, normal = field.distance_and_normal(positions)
-    if not np.isfinite(distance).any():
+    if not len(field.points):
         return coupling
     stiffness = coupling.stiffness * coupling.damping**2 / 4.0
-    inward = np.einsum("ni,ni->n", normal, accelerations + coupling.damping * velocities)
-    allowed = distance + inward / stiffness - margin
+    drive = accelerations + coupling.damping * velocities
+    largest = coupling.hand_radius + coupling.margin
+    # Farther than this any distance may be kept, whatever the normal; the goal's is needed.
+    far = largest + margin + np.linalg.norm(drive, axis=1) / stiffness
+    near = field.distance(positions, within=float(far.max())) <= far
+    near[-1] = True
+    positions = positions[near]
+    distance, normal = field.distance_and_normal(positions)
+    allowed = distance + np.einsum("ni,ni->n", normal, drive[near]) / stiffness - margin
     to_goal = np.sum((positions - positions[-1]) ** 2, axis=1)
     near_goal = np.exp(-0.5 / coupling.goal_distance**2 * to_goal)
     at_goal = distance[-1] - coupling.goal_margin
-    largest = coupling.hand_radius + coupling.margin
-    for rho0 in (largest, *_CANDIDATE_DISTANCES[largest > _CANDIDATE_DISTANCES]):
-        rho = rho0 + (min(rho0, at_goal) - rho0) * near_goal
-        if np.all(rho <= allowed):
-            break
-    return replace(coupling, hand_radius=float(rho0) - coupling.margin)
+    rho0 = np.append(largest, _CANDIDATE_DISTANCES[largest > _CANDIDATE_DISTANCES])
+    rho = rho0[:, None] + np.outer(np.minimum(rho0, at_goal) - rho0, near_goal)
+    fits = np.append(np.flatnonzero((rho <= allowed).all(axis=1)), len(rho0) - 1)
+    return replace(coupling, hand_radius=float(rho0[fits[0]]) - coupling.margin)

@@ -1,15 +1,18 @@
 """Fits a movement to a joint path."""
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 from scipy.interpolate import make_interp_spline
-from scipy.spatial.transform import Rotation
 
 from pepper_drake.learning import Demonstration, MovementPrimitive
+from pepper_drake.learning.cached_times import spline_derivatives
 from pepper_drake.learning.dmp.num_basis import DEFAULT_NUM_BASIS
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+from pepper_drake.planning.ik.compiled_tick import quaternions
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 
 Vector = npt.NDArray[np.float64]
@@ -39,16 +42,17 @@ def fit_primitive_to_joint_path(
         name: Name of the primitive.
         rest_share: Fraction of the movement for which it rests at its end.
     """
-    s = np.linspace(0.0, 1.0, len(joints))
-    fine = np.linspace(0.0, 1.0, _SAMPLES)
-    q = make_interp_spline(s, joints, k=3)(np.minimum(fine / (1.0 - rest_share), 1.0))
+    fine, tau = np.linspace(0.0, 1.0, _SAMPLES), duration / (1.0 - rest_share)
+    q = _sampling(len(joints), rest_share) @ joints
     poses = kinematics.poses(q)
-    rotations = Rotation.from_matrix(poses.hand_rotation).as_quat(scalar_first=True)
+    rates, curvatures = spline_derivatives(fine, poses.hand_position)
     return MovementPrimitive.fit(
         Demonstration.from_positions(
-            duration / (1.0 - rest_share) * fine,
+            tau * fine,
             poses.hand_position,
-            rotations=rotations,
+            rates / tau,
+            curvatures / tau**2,
+            rotations=quaternions(poses.hand_rotation),
             joints=q,
             joint_names=arm_joints(kinematics.arm),
             name=name,
@@ -57,6 +61,14 @@ def fit_primitive_to_joint_path(
         num_basis=DEFAULT_NUM_BASIS,
         check=False,
     )
+
+
+@lru_cache(maxsize=16)
+def _sampling(count: int, rest_share: float) -> Vector:
+    """Returns the matrix (_SAMPLES, count) from even samples to those of a spline and a rest."""
+    even, fine = np.linspace(0.0, 1.0, count), np.linspace(0.0, 1.0, _SAMPLES)
+    spline = make_interp_spline(even, np.eye(count), k=3)
+    return np.asarray(spline(np.minimum(fine / (1.0 - rest_share), 1.0)))
 
 
 def reachable_pre_grasp(

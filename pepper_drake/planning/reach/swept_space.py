@@ -10,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import camera_pose
 from pepper_drake.perception.gaze.view_planning import within_possible_view
@@ -136,9 +137,9 @@ def unseen_space(
         steps = steps.reshape(-1, 3)
         lengths = np.maximum(np.linalg.norm(steps, axis=1), 1e-9)
         p_T = p_T + (radii / lengths)[:, None] * steps
-    distance, _ = cKDTree(centers[0]).query(p_T)
+    own = radii + params.own_margin
+    away = PointCloudDistance(centers[0], extension=0.0).distance(p_T, float(own.max())) > own
     index = np.repeat(np.arange(len(centers)), centers.shape[1])
-    away = distance > radii + params.own_margin
     p_T, index = p_T[away], index[away]
     p_W = p_T @ X_WT.rotation().matrix().T + X_WT.translation()
     spheres = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))

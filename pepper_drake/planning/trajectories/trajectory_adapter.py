@@ -23,7 +23,7 @@ from pepper_drake.planning.trajectories.joint_trajectories import (
 )
 from pepper_drake.planning.trajectories.rrt_connect import rrt_connect
 from pepper_drake.planning.trajectories.trajectory_cost import TrajectoryCost
-from pepper_drake.planning.trajectories.trajectory_search import optimize_trajectory
+from pepper_drake.planning.trajectories.trajectory_search import SearchResult, optimize_trajectory
 
 Vector = npt.NDArray[np.float64]
 
@@ -164,26 +164,29 @@ class TrajectoryAdapter:
         if not len(goals):
             return None
         lower, upper = np.minimum(self._lower, start), np.maximum(self._upper, start)
-        references: list[tuple[Vector, int]] = []
+        references: list[tuple[SearchResult, int]] = []
         if deform:
             shape = len(demonstrations), len(goals)
             origins, ends = (index.ravel() for index in np.indices(shape))
             paths = retarget(demonstrations[origins], start, goals[ends]).clip(lower, upper)
-            cost = self._rate(paths, checker, duration)(paths).cost + discomfort[ends, origins]
-            chosen = _different(paths, cost, self.params.candidates)
-            references = [(paths[number], int(origins[number])) for number in chosen]
+            rating = self._rate(paths, checker, duration)(paths)
+            cost = rating.cost + discomfort[ends, origins]
+            for one in _different(paths, cost, self.params.candidates):
+                rated = float(rating.cost[one]), float(rating.slack[one])
+                references.append((SearchResult(paths[one], *rated, 0), int(origins[one])))
         best: AdaptedTrajectory | None = None
-        for number, (reference, origin) in enumerate(
+        for number, (found, origin) in enumerate(
             itertools.chain(references, self._planned(start, goals, checker) if plan else ()),
             start=1,
         ):
-            found = optimize_trajectory(
-                reference,
-                self._rate(reference[None], checker, duration),
-                lower=lower,
-                upper=upper,
-                params=self.params.search,
-            )
+            if found.slack <= self.params.search.slack:
+                found = optimize_trajectory(
+                    found.path,
+                    self._rate(found.path[None], checker, duration),
+                    lower=lower,
+                    upper=upper,
+                    params=self.params.search,
+                )
             path = AdaptedTrajectory(
                 found.path,
                 max(float(minimum_duration(found.path, *self._limits)), duration),
@@ -206,8 +209,8 @@ class TrajectoryAdapter:
 
     def _planned(
         self, start: Vector, goals: Vector, checker: ArmCollisionChecker
-    ) -> Iterator[tuple[Vector, int]]:
-        """Yields the path planner's path, if it finds one, as an additional initial path."""
+    ) -> Iterator[tuple[SearchResult, int]]:
+        """Yields the path planner's path, not rated, if it finds one: one more to start from."""
         ends = checker.approximate_distances(np.concatenate((start[None], goals)))
         allowed = np.minimum(ends.min(axis=0), self._clearance.resume)
 
@@ -225,7 +228,8 @@ class TrajectoryAdapter:
             params=self.params.planner,
         )
         if corners is not None:
-            yield time_parameterize(corners, self.params.samples), PLANNED
+            path = time_parameterize(corners, self.params.samples)
+            yield SearchResult(path, np.inf, -np.inf, 0), PLANNED
 
     def _rate(
         self, references: Vector, checker: ArmCollisionChecker, duration: float

@@ -1,0 +1,55 @@
+"""Matrices that depend on the times of samples alone, kept for the next motion with the same."""
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import make_interp_spline
+
+Array = npt.NDArray[np.float64]
+
+_MOST = 256
+"""Most samples whose derivatives are taken by matrices."""
+
+
+class TimesKey:
+    """Relative times as a key: equal when all differ by less than a billionth of the motion."""
+
+    def __init__(self, times: Array) -> None:
+        self.times = times
+        self._key = np.round(times * 1e9).astype(np.int64).tobytes()
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TimesKey) and self._key == other._key
+
+
+def spline_derivatives(relative_times: Array, values: Array) -> tuple[Array, Array]:
+    """Returns first and second derivatives (N, D) of the quintic spline through values (N, D).
+
+    Of few samples the spline is cubic. The spline is linear in the values: up to 256 samples the
+    matrices are kept, which saves the solution of its equations for the next motion.
+
+    Args:
+        relative_times: (N,) from 0 to 1.
+        values: (N, D).
+    """
+    if len(relative_times) > _MOST:
+        first, second = _derivatives(relative_times, values)
+        return first, second
+    first, second = _derivative_matrices(TimesKey(relative_times))
+    return first @ values, second @ values
+
+
+@lru_cache(maxsize=16)
+def _derivative_matrices(times: TimesKey) -> Array:
+    matrices = _derivatives(times.times, np.eye(len(times.times)))
+    matrices.setflags(write=False)
+    return matrices
+
+
+def _derivatives(times: Array, values: Array) -> Array:
+    spline = make_interp_spline(times, values, k=5 if len(times) > 5 else 3)
+    return np.stack((spline.derivative(1)(times), spline.derivative(2)(times)))
