@@ -49,6 +49,8 @@ class ReachPlan:
         unseen: (K, 3) largest unseen region in W [m] of the volume swept by the arm or, for a base
             placement, by the whole robot on its drive.
         out_of_view: Volume of it that cannot be seen from the present base pose [m³].
+        look_at: Point at which the head should look to see the unseen space (3,) in W [m]; NaN if
+            all was seen.
     """
 
     __repr__ = short_repr
@@ -65,6 +67,7 @@ class ReachPlan:
     time_step: float = CONTROL_PERIOD
     unseen: Vector = field(default_factory=lambda: np.zeros((0, 3)))
     out_of_view: float = 0.0
+    look_at: Vector = field(default_factory=lambda: np.full(3, np.nan))
 
     def flaw(self, p_WO: Vector, reach: float) -> str | None:
         """Returns a sentence about a value that no correct planner returns, or None.
@@ -165,6 +168,14 @@ class Planner(Protocol):
 
         It is clear, or nearly so, if there is such a placement, and must be checked again there
         with `check_reach`.
+        """
+        ...
+
+    def look_along_drive(self, observation: Observation) -> Vector:
+        """Returns where to look (3,), in W, before the base placement is known [m].
+
+        It shows most of the unseen space that the robot would sweep on its drive to the most
+        comfortable place, whether there is room or not; NaN if all of it was seen.
         """
         ...
 

@@ -54,7 +54,11 @@ def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful):
     ahead = plan.unseen[:, :2].mean(axis=0)
     assert 0.0 < ahead[0] < plan.base_pose[0] + 0.3
     assert watchful.check_drive(plan, unseen).status == PlanStatus.NOT_SEEN
-    seen = watchful.check_drive(plan, replace(observation, space=room()))
+    # Before the place is known, it looks along the way to a likely one.
+    np.testing.assert_allclose(watchful.look_along_drive(unseen), plan.look_at, atol=0.1)
+    empty = replace(observation, space=room())
+    assert np.isnan(watchful.look_along_drive(empty)).all()
+    seen = watchful.check_drive(plan, empty)
     assert (seen.status, seen.message, len(seen.unseen)) == (PlanStatus.CLEAR, "", 0)
     # Low and near there is much that no head angle shows, which is told.
     assert 0.05 < seen.out_of_view < 0.3
