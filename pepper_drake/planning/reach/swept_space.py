@@ -67,7 +67,7 @@ class UnseenSpaceParams:
     beside_movable: float = 0.3
     """Distance from an object that moves, or hangs in the air and so may move, within which space
     out of view does not count as free once the arm moves [m]: the object covers it in 1 s."""
-    drive: bool = False
+    drive: bool = True
     """True if the volume swept on a drive must be known to be free, too, and objects are assumed to
     extend down to the floor where their lower part is hidden."""
     accept: bool = False

@@ -40,8 +40,7 @@ def room():
 @pytest.fixture(scope="module")
 def watchful(right_primitive):
     """A planner that lets the base drive only where it was seen to be free."""
-    params = UnseenSpaceParams(drive=True)
-    return make_planner(right_primitive, make_coupling("barrier"), unseen=params)
+    return make_planner(right_primitive, make_coupling("barrier"))
 
 
 def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful):
@@ -69,7 +68,7 @@ def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful):
 
 
 def test_a_drive_through_unseen_space_may_be_accepted(right_primitive):
-    params = UnseenSpaceParams(drive=True, accept=True)
+    params = UnseenSpaceParams(accept=True)
     planner = make_planner(right_primitive, make_coupling("barrier"), unseen=params)
     unseen = replace(observed(ORIGIN, object_at()), space=SeenSpace(VoxelMap.empty()))
     plan = planner.plan_base_placement(unseen)
