@@ -52,6 +52,17 @@ def test_a_robot_does_not_drive_through_what_stays_unseen():
     assert one.state.since == pytest.approx(looked, abs=0.3)
 
 
+def test_before_it_drives_on_to_another_place_it_looks_along_that_way_too():
+    planner = ScriptedPlanner(reach=plan(PlanStatus.OUT_OF_REACH, "too far"))
+    one = Supervised(planner).until(ReachMode.SETTLING)
+    planner.placement = planner.drive = unseen_plan()
+    one.until(ReachMode.LOOKING).advance(0.3)
+    np.testing.assert_allclose(one.state.look_at, [1.0, -0.3, 0.8])
+    planner.drive = plan()
+    one.until(ReachMode.DRIVING)
+    assert one.state.places == 2
+
+
 def test_what_is_seen_where_it_was_going_to_drive_leads_to_another_place():
     blocked = plan(PlanStatus.NO_STANDING_ROOM, "something stands there")
     planner = ScriptedPlanner(placement=unseen_plan(), drive=blocked)
