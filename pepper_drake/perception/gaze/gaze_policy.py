@@ -233,7 +233,10 @@ class GazePolicy:
         current = self._cameras[state.camera] if state.camera >= 0 else None
         scans = now.look_at is not None or now.scan_enabled
         latest = params.centering_age if scans else params.missed_age
-        if secondary is None or now.speed > params.rest_speed or now.age > latest:
+        # Before the arm moves, the object's motion matters less than the place to look at; that of
+        # an object far away is mostly noise.
+        moves = now.speed > params.rest_speed and (now.scan_enabled or now.look_at is None)
+        if secondary is None or moves or now.age > latest:
             gaze = choose_camera(self._cameras, p_TP, current=current)
             if secondary is not None and now.age > params.missed_age:
                 since = now.age - params.missed_age

@@ -125,10 +125,66 @@ def within_possible_view(
         (N,).
     """
     X_TC = _grid_poses(camera)
-    p_C = (places - X_TC[:, None, :, 3]) @ X_TC[:, :, :3]
-    in_image = _in_image(camera, p_C, border)
+    in_image = _in_images(camera, X_TC, places, border)
     if hiding is None:
         return np.asarray(in_image.any(axis=0))
+    return _unoccluded(X_TC, in_image, places, hiding, baseline, margin)
+
+
+def widest_view(
+    camera: HeadCamera,
+    places: Vector,
+    hiding: tuple[Vector, Vector],
+    baseline: float = 0.0,
+    *,
+    border: float = 0.0,
+    margin: float = 0.0,
+) -> Vector:
+    """Returns where to look to see most of some places, as a point (3,) in the torso frame [m].
+
+    It is 1 m from the camera on its optical axis, at those angles of `head_grid` at which most
+    places are in the image without occlusion; of equal ones, those that centre them best.
+
+    Args:
+        camera: A depth camera.
+        places: (N, 3) in the torso frame, at least one [m].
+        hiding: As in `within_possible_view`, like all that follows.
+        baseline: The same.
+        border: The same.
+        margin: The same.
+    """
+    X_TC = _grid_poses(camera)
+    in_images = _in_images(camera, X_TC, places, border)
+    counts, middle = in_images.sum(axis=1), places.mean(axis=0)
+    offsets = [image_offset(camera, head, middle) for head in head_grid()]
+    order, most = np.lexsort((offsets, -counts)), -1
+    best = order[0]
+    for k in order:
+        if counts[k] <= most:
+            break
+        one = slice(k, k + 1)
+        seen = _unoccluded(X_TC[one], in_images[one], places, hiding, baseline, margin)
+        if (count := int(np.count_nonzero(seen))) > most:
+            best, most = k, count
+    return np.asarray(X_TC[best, :, 3] + X_TC[best, :, 2])
+
+
+def _in_images(
+    camera: HeadCamera, X_TC: Vector, places: Vector, border: float
+) -> npt.NDArray[np.bool_]:
+    """Tells which places (N, 3) in T are in a camera's image (H, N) at its poses (H, 3, 4)."""
+    return _in_image(camera, (places - X_TC[:, None, :, 3]) @ X_TC[:, :, :3], border)
+
+
+def _unoccluded(
+    X_TC: Vector,
+    in_image: npt.NDArray[np.bool_],
+    places: Vector,
+    hiding: tuple[Vector, Vector],
+    baseline: float,
+    margin: float,
+) -> npt.NDArray[np.bool_]:
+    """Tells which places (N, 3) are unoccluded in any image (H, N); see `within_possible_view`."""
     # Origins of rays: the camera, and its projector on either side.
     along = np.array([0.0, baseline, -baseline] if baseline else [0.0])
     eyes = X_TC[:, None, :, 3] + along[:, None] * X_TC[:, None, :, 0]

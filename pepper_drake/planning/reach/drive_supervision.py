@@ -34,7 +34,7 @@ class DriveSupervision:
         """Searches for the goal, looks at the scene, then plans the base placement."""
         timing, time = self._timing, self._time
         if state.is_planning:
-            return state
+            return self._look_ahead_of_drive(state) if state.placement is None else state
         if state.placement is not None:
             return self._check_drive(state, state.placement)
         if not self._observation.goal_valid:
@@ -57,12 +57,15 @@ class DriveSupervision:
             return replace(state.to(ReachMode.SETTLING, self._time), arrived=self._time)
         plan = self._planner.plan_base_placement(self._without_predictions())
         due = self._time + self._timing.latency.base_placement
-        if self._planner.params.unseen.drive:
-            # During planning the robot already looks halfway to the goal, along its drive.
-            x, y, _ = self._observation.base_pose
-            x, y, z = 0.5 * (np.array([x, y, 0.0]) + self._observation.p_WO)
-            state = replace(state, look_at=(x, y, z))
-        return state.later(Pending(due, Effect.PLACEMENT, plan))
+        return self._look_ahead_of_drive(state.later(Pending(due, Effect.PLACEMENT, plan)))
+
+    def _look_ahead_of_drive(self, state: ReachState) -> ReachState:
+        """While the base placement is planned, looks along the likely drive with each new cloud."""
+        observation = self._observation
+        if not self._planner.params.unseen.drive or observation.cloud_time == state.cloud_time:
+            return state
+        x, y, z = self._planner.look_along_drive(self._without_predictions())
+        return replace(state, cloud_time=observation.cloud_time, look_at=(x, y, z))
 
     def _check_drive(self, state: ReachState, placement: ReachPlan) -> ReachState:
         """Checks with each new cloud whether all space swept by the drive has been seen."""
@@ -103,9 +106,12 @@ class DriveSupervision:
         is_looking = state.mode == ReachMode.LOOKING and state.placement is not None
         if is_looking and self._has_look_timed_out(state):
             return state.fail(self._time, plan.status.value, plan.message)
-        x, y, z = plan.unseen.mean(axis=0)
-        looking = state if is_looking else state.to(ReachMode.LOOKING, self._time)
-        return replace(looking, placement=plan, look_at=(x, y, z))
+        if not is_looking:
+            # The plan is older than the look along the likely drive, which goes on until checked.
+            looking = state.to(ReachMode.LOOKING, self._time)
+            return replace(looking, placement=plan, cloud_time=np.nan)
+        x, y, z = plan.look_at
+        return replace(state, placement=plan, look_at=(x, y, z))
 
     def drive(self, state: ReachState) -> ReachState:
         """Waits until base and torso arrive; without depth images both stand still."""

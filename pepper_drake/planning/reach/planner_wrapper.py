@@ -48,6 +48,10 @@ class PlannerWrapper:
         """Returns the best plan over all base placements; see `Planner`."""
         return self._answer("plan_base_placement", observation, self.planner.plan_base_placement)
 
+    def look_along_drive(self, observation: Observation) -> npt.NDArray[np.float64]:
+        """Returns where to look before the base placement is known; see `Planner`."""
+        return self._answer("look_along_drive", observation, self.planner.look_along_drive)
+
     def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a base placement, checked again; see `Planner`."""
         return self._answer(

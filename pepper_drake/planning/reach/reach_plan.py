@@ -50,6 +50,8 @@ class ReachPlan:
             placement, by the whole robot on its drive.
         out_of_view: Volume of it that cannot be seen from the present base pose [m³].
         hip_pitch: Hip angle to lean to at a base placement [rad]; None to stay as now.
+        look_at: Point at which the head should look to see the unseen space (3,) in W [m]; NaN if
+            all was seen.
     """
 
     __repr__ = short_repr
@@ -67,6 +69,7 @@ class ReachPlan:
     unseen: Vector = field(default_factory=lambda: np.zeros((0, 3)))
     out_of_view: float = 0.0
     hip_pitch: float | None = None
+    look_at: Vector = field(default_factory=lambda: np.full(3, np.nan))
 
     def flaw(self, p_WO: Vector, reach: float) -> str | None:
         """Returns a sentence about a value that no correct planner returns, or None.
@@ -169,6 +172,14 @@ class Planner(Protocol):
 
         It is clear, or nearly so, if there is such a placement, and must be checked again there
         with `check_reach`.
+        """
+        ...
+
+    def look_along_drive(self, observation: Observation) -> Vector:
+        """Returns where to look (3,), in W, before the base placement is known [m].
+
+        It shows most of the unseen space that the robot would sweep on its drive to the most
+        comfortable place, whether there is room or not; NaN if all of it was seen.
         """
         ...
 

@@ -30,6 +30,7 @@ from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.reach.swept_space import (
     UnseenSpace,
     UnseenSpaceParams,
+    best_look,
     unseen_drive_space,
     unseen_sentence,
     unseen_space,
@@ -102,6 +103,15 @@ class ReachPlanner:
         plan = self.leaning.plan(observation)
         clear = plan.status == PlanStatus.CLEAR
         return self._with_unseen_drive(plan, observation) if clear else plan
+
+    def look_along_drive(self, observation: Observation) -> Vector:
+        """Returns where to look before the base placement is known; see `Planner`."""
+        places = self.base_placement.within_reach(
+            observation.base_pose, observation.joint_position, observation.X_WO, self.params.slack
+        )
+        likely = next(places, observation.base_pose)
+        plan = ReachPlan(PlanStatus.CLEAR, "", np.asarray(likely))
+        return self._with_unseen_drive(plan, observation).look_at
 
     def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a base placement, checked again; see `Planner`."""
@@ -191,6 +201,7 @@ class ReachPlanner:
         plan = replace(plan, unseen=region, out_of_view=unseen.out_of_view)
         if not len(region) or params.accept or not plan.collision_checked:
             return plan
+        plan = replace(plan, look_at=region.mean(axis=0))
         X_WT = self._evaluator.scenes.torso_pose(observation)
         sentence = unseen_sentence(region, X_WT, params)
         return replace(plan, status=PlanStatus.NOT_SEEN, message=sentence)
@@ -201,13 +212,14 @@ class ReachPlanner:
         if space is None or not params.drive:
             return plan
         X_WT = self._evaluator.scenes.torso_pose(observation)
+        spheres = self._body_spheres(self._carried, observation, X_WT)
         unseen = unseen_drive_space(
             self.base_placement.resting_clearances,
             observation.base_pose,
             plan.base_pose,
             observation.joint_position,
             X_WT,
-            self._body_spheres(self._carried, observation, X_WT),
+            spheres,
             space,
             observation.time,
             params,
@@ -219,6 +231,7 @@ class ReachPlanner:
             message="",
             unseen=region,
             out_of_view=unseen.out_of_view,
+            look_at=best_look(unseen, X_WT, spheres, params),
         )
         if not len(region) or params.accept:
             return plan

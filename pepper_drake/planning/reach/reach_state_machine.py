@@ -124,7 +124,7 @@ class _Supervision(DriveSupervision):
                     state, plan=plan, planned_with=seen, started_with=seen, hanging=hanging
                 )
             if plan.status == PlanStatus.NOT_SEEN and not self._has_look_timed_out(state):
-                x, y, z = plan.unseen.mean(axis=0)
+                x, y, z = plan.look_at
                 return replace(state, plan=None, look_at=(x, y, z))
             if not self._has_settled(state):
                 return replace(state, plan=None)  # The map still improves while the robot stands.

@@ -96,7 +96,7 @@ class ReachReplanner:
                 return state.later(Pending(due, Effect.MOVEMENT, detour))
             state = replace(state, checked=time)
             if detour.status == PlanStatus.NOT_SEEN:
-                x, y, z = detour.unseen.mean(axis=0)
+                x, y, z = detour.look_at
                 state = replace(state, look_at=(x, y, z))
         if state.suspended_plan is None or has_waited:
             state = replace(state, waits_with=observation)

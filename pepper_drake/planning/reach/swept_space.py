@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import camera_pose
-from pepper_drake.perception.gaze.view_planning import within_possible_view
+from pepper_drake.perception.gaze.view_planning import widest_view, within_possible_view
 from pepper_drake.perception.mapping.seen_space import SeenSpace, describe_place
 from pepper_drake.perception.mapping.voxel_map import voxel_keys
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
@@ -68,7 +68,7 @@ class UnseenSpaceParams:
     beside_movable: float = 0.3
     """Distance from an object that moves, or hangs in the air and so may move, within which space
     out of view does not count as free once the arm moves [m]: the object covers it in 1 s."""
-    drive: bool = False
+    drive: bool = True
     """True if the volume swept on a drive must be known to be free, too, and objects are assumed to
     extend down to the floor where their lower part is hidden."""
     accept: bool = False
@@ -234,6 +234,34 @@ def _unseen_places(
         tuple(int(index[cells].min()) for cells in regions),
         out_of_view,
     )
+
+
+def best_look(
+    unseen: UnseenSpace,
+    X_WT: RigidTransform,
+    spheres: tuple[Vector, Vector],
+    params: UnseenSpaceParams,
+) -> Vector:
+    """Returns where the head should look (3,), in W, to see most of unseen space; NaN for none [m].
+
+    Args:
+        unseen: The space.
+        X_WT: Present pose of the torso.
+        spheres: Centres (S, 3) in T and radii (S,) of spheres on the robot, which occlude space
+            behind them [m].
+        params: Criteria of unseen space.
+    """
+    if not unseen.regions:
+        return np.full(3, np.nan)
+    p_TL = widest_view(
+        CAMERA_DEPTH,
+        (np.concatenate(unseen.regions) - X_WT.translation()) @ X_WT.rotation().matrix(),
+        spheres,
+        params.projector_baseline,
+        border=params.image_border,
+        margin=params.hidden_margin,
+    )
+    return np.asarray(X_WT @ p_TL)
 
 
 def _is_before_floor(p_W: Vector, X_WT: RigidTransform, farthest: float) -> Mask:

@@ -10,6 +10,7 @@ from pepper_drake.perception.gaze.view_planning import (
     surroundings,
     view_weights,
     visible,
+    widest_view,
     within_possible_view,
 )
 
@@ -84,3 +85,16 @@ def test_a_place_can_be_seen_if_a_gaze_shows_it_and_no_sphere_is_on_the_way_to_a
     assert 0 < np.count_nonzero(found) < len(places)
     assert found.tolist() == expected.tolist()
     assert np.all(within_possible_view(CAMERA_DEPTH, places, **margins) >= found)
+
+
+def test_the_widest_view_shows_most_places_that_nothing_occludes():
+    left, right = ([[0.8, y, z] for z in (0.0, 0.05, 0.1)] for y in (0.8, -0.8))
+    places = np.array([*left, *right[:2]])
+    aside = np.array([[0.35, 0.4, 0.15]]), np.array([0.2])  # Between the camera and the left.
+
+    def shown(hiding):
+        p_T = widest_view(CAMERA_DEPTH, places, hiding, 0.075, border=0.15)
+        return visible(CAMERA_DEPTH, look_at(CAMERA_DEPTH, p_T).head, places).tolist()
+
+    assert shown((NOTHING, np.zeros(0))) == [True] * 3 + [False] * 2
+    assert shown(aside) == [False] * 3 + [True] * 2

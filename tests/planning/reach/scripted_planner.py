@@ -80,6 +80,7 @@ class ScriptedPlanner:
 
     Attributes:
         placement: Answer to `plan_base_placement`.
+        way: Answer to `look_along_drive`.
         drive: Answer to `check_drive`.
         reach: Answer to `check_reach`.
         detour: Answer to `replan`.
@@ -93,6 +94,7 @@ class ScriptedPlanner:
     """
 
     placement: ReachPlan = field(default_factory=plan)
+    way: npt.NDArray[np.float64] = field(default_factory=lambda: np.full(3, np.nan))
     drive: ReachPlan = field(default_factory=plan)
     reach: ReachPlan = field(default_factory=plan)
     detour: ReachPlan = field(default_factory=path_plan)
@@ -120,6 +122,10 @@ class ScriptedPlanner:
     def check_reach(self, observation: Observation, movement: Movement | None = None) -> ReachPlan:
         self.asked.append(("check_reach", observation))
         return self.reach
+
+    def look_along_drive(self, observation: Observation) -> npt.NDArray[np.float64]:
+        self.asked.append(("look_along_drive", observation))
+        return self.way
 
     def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         self.asked.append(("check_drive", observation))
@@ -256,4 +262,5 @@ def on_its_way(timing: ReachTiming = TIMING, **prepared) -> Supervised:
 
 def unseen_plan():
     region = np.full((20, 3), [1.0, -0.3, 0.8])
-    return replace(plan(PlanStatus.NOT_SEEN, "not seen"), unseen=region)
+    unseen = plan(PlanStatus.NOT_SEEN, "not seen")
+    return replace(unseen, unseen=region, look_at=region[0])

@@ -41,8 +41,7 @@ def room():
 @pytest.fixture(scope="module")
 def watchful(right_primitive):
     """A planner that lets the base drive only where it was seen to be free."""
-    params = UnseenSpaceParams(drive=True)
-    return make_planner(right_primitive, make_coupling("barrier"), unseen=params)
+    return make_planner(right_primitive, make_coupling("barrier"))
 
 
 def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful, room):
@@ -55,7 +54,11 @@ def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful, ro
     ahead = plan.unseen[:, :2].mean(axis=0)
     assert 0.0 < ahead[0] < plan.base_pose[0] + 0.3
     assert watchful.check_drive(plan, unseen).status == PlanStatus.NOT_SEEN
-    seen = watchful.check_drive(plan, replace(observation, space=room))
+    # Before the place is known, it looks along the way to a likely one.
+    np.testing.assert_allclose(watchful.look_along_drive(unseen), plan.look_at, atol=0.1)
+    empty = replace(observation, space=room)
+    assert np.isnan(watchful.look_along_drive(empty)).all()
+    seen = watchful.check_drive(plan, empty)
     assert (seen.status, seen.message, len(seen.unseen)) == (PlanStatus.CLEAR, "", 0)
     # Low and near there is much that no head angle shows, which is told.
     assert 0.05 < seen.out_of_view < 0.3
@@ -66,7 +69,7 @@ def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful, ro
 
 
 def test_a_drive_through_unseen_space_may_be_accepted(right_primitive):
-    params = UnseenSpaceParams(drive=True, accept=True)
+    params = UnseenSpaceParams(accept=True)
     planner = make_planner(right_primitive, make_coupling("barrier"), unseen=params)
     unseen = replace(observed(ORIGIN, object_at()), space=SeenSpace(VoxelMap.empty()))
     plan = planner.plan_base_placement(unseen)

@@ -7,7 +7,6 @@ from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from tests.planning.reach.scripted_planner import (
     TIMING,
-    X_WO,
     ScriptedPlanner,
     Supervised,
     plan,
@@ -28,12 +27,21 @@ def test_what_the_robot_would_pass_on_its_drive_is_looked_at_first():
     one.until(ReachMode.REACHING)
 
 
-def test_while_it_plans_where_to_stand_it_looks_halfway_to_the_goal():
-    planner = ScriptedPlanner(params=ReachPlannerParams(unseen=UnseenSpaceParams(drive=True)))
-    one = Supervised(planner).advance(TIMING.looking + 0.1)
+@pytest.mark.parametrize("drive", [True, False])
+def test_while_it_plans_where_to_stand_it_looks_along_the_likely_drive(drive):
+    way = np.array([0.5, 0.1, 0.4])
+    params = ReachPlannerParams(unseen=UnseenSpaceParams(drive=drive))
+    one = Supervised(ScriptedPlanner(params=params, way=way)).advance(TIMING.looking + 0.1)
     assert one.state.is_planning
-    halfway = 0.5 * (X_WO.translation() + [0.1, 0.2, 0.0])
-    np.testing.assert_allclose(one.state.look_at, halfway)
+    assert np.array_equal(one.state.look_at, way) == drive
+    one.planner.way = np.full(3, np.nan)
+    one.look()
+    assert np.isnan(one.state.look_at).all()
+    # Between two images nothing changes.
+    one.planner.asked.clear()
+    one.advance(0.1)
+    assert one.state.is_planning
+    assert not one.planner.asked
 
 
 def test_a_robot_does_not_drive_through_what_stays_unseen():
@@ -42,6 +50,17 @@ def test_a_robot_does_not_drive_through_what_stays_unseen():
     assert one.modes == [ReachMode.LOOKING, ReachMode.FAILED]
     looked = TIMING.unseen_timeout + TIMING.latency.base_placement + TIMING.looking
     assert one.state.since == pytest.approx(looked, abs=0.3)
+
+
+def test_before_it_drives_on_to_another_place_it_looks_along_that_way_too():
+    planner = ScriptedPlanner(reach=plan(PlanStatus.OUT_OF_REACH, "too far"))
+    one = Supervised(planner).until(ReachMode.SETTLING)
+    planner.placement = planner.drive = unseen_plan()
+    one.until(ReachMode.LOOKING).advance(0.3)
+    np.testing.assert_allclose(one.state.look_at, [1.0, -0.3, 0.8])
+    planner.drive = plan()
+    one.until(ReachMode.DRIVING)
+    assert one.state.places == 2
 
 
 def test_what_is_seen_where_it_was_going_to_drive_leads_to_another_place():

@@ -347,9 +347,9 @@ def test_the_head_looks_at_what_the_arm_waits_for():
 
 def test_an_arm_that_waits_looks_at_what_was_not_seen_of_the_way_on():
     one = waiting()
-    unseen = np.array([[0.7, -0.3, 0.9], [0.7, -0.2, 0.9]])
     one.planner.ahead = 0.02
-    not_seen = replace(NO_DETOUR, status=PlanStatus.NOT_SEEN, unseen=unseen)
+    unseen = np.array([0.7, -0.25, 0.9])
+    not_seen = replace(NO_DETOUR, status=PlanStatus.NOT_SEEN, look_at=unseen)
     one.planner.detour = one.planner.reach = not_seen
     one.look().advance(LATENCY.plan).look()
-    np.testing.assert_allclose(one.state.look_at, [0.7, -0.25, 0.9])
+    np.testing.assert_allclose(one.state.look_at, unseen)
