@@ -193,7 +193,7 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--gentle",
         action="store_true",
-        help="move so slowly that no point of the arm exceeds 250 mm/s",
+        help="move 4 times as slowly as taught, with joints at 15 %% of their rated speed at most",
     )
     parser.add_argument(
         "--live", action="store_true", help="show it in a browser in real time, and stay open"
