@@ -316,7 +316,7 @@ def teach_on_robot(options: Namespace) -> int:
     if not options.quiet:
         print(
             f"learned a movement of {primitive.duration:.1f} s and {primitive.path_length:.2f} m "
-            f"from {counted}, in {options.output}; perform it with reach.py "
+            f"from {counted}, in {options.output}; perform it with {cli.as_run('reach.py')} "
             f"--demo {options.output / DEMONSTRATIONS / shown[-1].name}"
         )
     return cli.EXIT_DONE
