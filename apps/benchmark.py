@@ -233,7 +233,7 @@ def replay(options: Namespace, scenario: Scenario) -> int:
     folder = replay_folder(options.output, Task(letter, case))
     if method.run.options is not None:
         words = " ".join([*case.reach_options, *method.run.options])
-        print(f"The same as: reach.py {words}")
+        print(cli.as_run(f"The same as: reach.py {words}"))
     result = method.run.replay(case, folder)
     print(f"{result.outcome}" + (f": {result.message}" if result.message else ""))
     print(f"Results are in {folder}; open recording.html in a browser")

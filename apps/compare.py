@@ -25,6 +25,7 @@ from pepper_drake.learning.demonstrations.demonstration_folder import load_all
 from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
 from pepper_drake.reporting.comparison_figure import draw_comparison
 from pepper_drake.results.folder import whole_results
+from pepper_drake.user_code import named_part
 
 
 def main() -> int:
@@ -49,10 +50,12 @@ def main() -> int:
         nargs="+",
         default=approximator_names(),
         metavar="NAME",
-        help=f"some of {', '.join(approximator_names())} (default: all)",
+        help=f"some of {', '.join(approximator_names())}, or FILE.py:NAME of your own "
+        "(default: all)",
     )
     arguments = parse(parser)
-    names, nums_basis = list(arguments.approximators), list(arguments.num_basis)
+    names = [named_part(name) for name in arguments.approximators]
+    nums_basis = list(arguments.num_basis)
     for name in names:
         get_approximator(name)
     if min(nums_basis) < 1:

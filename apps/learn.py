@@ -46,7 +46,7 @@ from pepper_drake.learning.dmp.scaling import SCALINGS
 from pepper_drake.reporting.demonstration_figure import draw_demonstration
 from pepper_drake.reporting.learning_figure import draw_learning
 from pepper_drake.results.folder import whole_results
-from pepper_drake.user_code import names_code, register_code
+from pepper_drake.user_code import named_part
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -212,8 +212,7 @@ def conditioned(demonstrations: list[Demonstration], via: list[list[float]]) -> 
 def main() -> int:
     """Runs the app and returns its exit code."""
     arguments = parse_arguments()
-    if names_code(arguments.approximator):
-        arguments.approximator = register_code(arguments.approximator)
+    arguments.approximator = named_part(arguments.approximator)
     if arguments.from_floor:
         arguments.frame = "base_footprint"
     if arguments.joints:

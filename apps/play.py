@@ -129,7 +129,7 @@ def main() -> int:
         return cli.EXIT_DONE
     if options.html is None and options.video is None:
         runs, web_url = show_in_window(options)
-        result = f"Watch it at {web_url} (play.py --stop ends it)"
+        result = cli.as_run(f"Open {web_url} in a browser; play.py --stop ends it")
     else:
         runs = write_files(options)
         written = [options.output / f for f in (options.html, options.video) if f is not None]

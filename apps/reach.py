@@ -28,11 +28,11 @@ import math
 import multiprocessing
 import shutil
 import sys
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from pepper_drake import cli
-from pepper_drake.cli_robot import add_robot_options
+from pepper_drake.cli_robot import add_robot_options, coupling_name
 from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.cli_scene import add_scene_options, chosen_scene
 from pepper_drake.compiled import announce_compilation
@@ -57,7 +57,6 @@ from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.models.pepper import MODELS_DIR
 from pepper_drake.models.robot_calibration import load_calibration
 from pepper_drake.models.robot_wear import ROBOTS
-from pepper_drake.models.scene import COUPLINGS
 from pepper_drake.reporting.method_figure import MethodRun, draw_methods
 from pepper_drake.reporting.reach_figures import save_reach_figures
 from pepper_drake.reporting.scene_picture import save_scene_picture
@@ -74,7 +73,7 @@ from pepper_drake.scenario import (
     save_scenario,
     use_method,
 )
-from pepper_drake.user_code import names_code, register_code
+from pepper_drake.user_code import named_part, register_code
 from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.drake_page import open_meshcat
 
@@ -99,14 +98,6 @@ SIMULATED_ONLY: dict[str, object] = {
     "live": False,
 }
 """Options for the simulation only, and their defaults."""
-
-
-def coupling_name(text: str) -> str:
-    """Parses the name of a coupling."""
-    if text not in COUPLINGS and not names_code(text):
-        known = ", ".join(COUPLINGS)
-        raise ArgumentTypeError(f"'{text}' is not a coupling; use one of {known}, or FILE.py:NAME")
-    return text
 
 
 def make_parser() -> ArgumentParser:
@@ -193,7 +184,7 @@ def make_parser() -> ArgumentParser:
     parser.add_argument(
         "--gentle",
         action="store_true",
-        help="move so slowly that no point of the arm exceeds 250 mm/s",
+        help="move 4 times as slowly as taught, with joints at 15 %% of their rated speed at most",
     )
     parser.add_argument(
         "--live", action="store_true", help="show it in a browser in real time, and stay open"
@@ -214,9 +205,7 @@ def chosen_scenario(options: Namespace) -> Scenario:
     if options.method:
         use_method(scenario, options.method[0])
     if options.coupling is not None:
-        is_code = names_code(options.coupling)
-        name = register_code(options.coupling) if is_code else options.coupling
-        scenario.scene.coupling = name
+        scenario.scene.coupling = named_part(options.coupling)
     if options.planner is not None:
         scenario.planner_class = register_code(options.planner)
     if options.seed is not None:

@@ -40,6 +40,7 @@ from pepper_drake import cli
 from pepper_drake.cli_robot import (
     add_robot_options,
     chosen_faults,
+    coupling_name,
 )
 from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.compiled import announce_compilation
@@ -64,6 +65,7 @@ from pepper_drake.live.show import LiveApp
 from pepper_drake.live.simulation import LiveSimulation
 from pepper_drake.models.scene import SCENES_DIR, load_scene
 from pepper_drake.scenario import NUMBERS, save_scenario
+from pepper_drake.user_code import named_part
 from pepper_drake.web.announcement import wait_for_browser
 from pepper_drake.web.viser_page import ViserPage
 
@@ -118,8 +120,10 @@ def make_parser() -> ArgumentParser:
     )
     parser.add_argument(
         "--coupling",
-        choices=("barrier", "report", "none"),
-        help="how obstacles bend the movement (default: the scene's)",
+        type=lambda text: text if text == "none" else coupling_name(text),
+        metavar="NAME",
+        help="how obstacles bend the movement: barrier, report (its equation 2.7), none, or "
+        "FILE.py:NAME of your own (default: the scene's)",
     )
     parser.add_argument(
         "--lesson",
@@ -214,7 +218,7 @@ def make_session(options: Namespace) -> LiveSession:
         scene,
         config=config,
         movables=folder.record.move,
-        coupling=options.coupling,
+        coupling=options.coupling and named_part(options.coupling),
         barrier=scenario.barrier_coupling(),
         spares=options.script is None,
         realtime=options.script is None or options.watch,
@@ -316,7 +320,7 @@ def teach_on_robot(options: Namespace) -> int:
     if not options.quiet:
         print(
             f"learned a movement of {primitive.duration:.1f} s and {primitive.path_length:.2f} m "
-            f"from {counted}, in {options.output}; perform it with reach.py "
+            f"from {counted}, in {options.output}; perform it with {cli.as_run('reach.py')} "
             f"--demo {options.output / DEMONSTRATIONS / shown[-1].name}"
         )
     return cli.EXIT_DONE

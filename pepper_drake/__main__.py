@@ -52,7 +52,8 @@ def overview(files: dict[str, Path]) -> str:
     return (
         f"usage: {PROGRAM} [--version] NAME ...\n\n"
         "Teach SoftBank's Pepper an arm movement by hand; it reaches moving goals around\n"
-        "obstacles that it sees.\n\n" + "\n".join(lines) + f"\n\n{PROGRAM} NAME --help tells more."
+        "obstacles that it sees.\n\n" + "\n".join(lines) + f"\n\n"
+        f"{PROGRAM} NAME --help tells more; {PROGRAM} completion bash prints a completion script."
     )
 
 

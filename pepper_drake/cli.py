@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import logging
 import os
+import re
 import signal
 import sys
 import threading
@@ -29,8 +30,27 @@ _IMPORTING = 0.02
 """Delay after which an interrupt that came during an import is sent again [s]."""
 
 
+_COMMAND = "pepper-drake "
+_SCRIPT = re.compile(r"(?<![\w./-])(?:apps/)?([a-z_]+)\.py(?!:?\w)")
+_CONTINUED = re.compile(r"^(?= {24})", re.MULTILINE)
+"""Start of a line that goes on with what an example's command does."""
+
+
+def as_run(text: str) -> str:
+    """Names apps as they are run now: `reach.py`, or `pepper-drake reach` of the installed package.
+
+    Args:
+        text: Text that names them as scripts.
+    """
+    return _SCRIPT.sub(rf"{_COMMAND}\1", text) if sys.argv[0].startswith(_COMMAND) else text
+
+
 class OneLineParser(argparse.ArgumentParser):
     """A parser that reports errors in one line."""
+
+    def format_help(self) -> str:
+        """Returns the help text, with apps named as they are run now."""
+        return as_run(super().format_help())
 
     def error(self, message: str) -> NoReturn:
         """Exits with the exit code of bad input."""
@@ -57,8 +77,12 @@ def make_parser(
         description: The help text, usually the module's docstring.
         seed_of_scenario: Whether the default seed is the scenario's; the option is then None.
     """
+    program = sys.argv[0]
+    if is_command := program.startswith(_COMMAND):
+        # What is said of an example stays under one another beside the longer names.
+        description = _CONTINUED.sub((len(_COMMAND) - len(".py")) * " ", description or "")
     parser = OneLineParser(
-        prog=program if (program := sys.argv[0]).startswith("pepper-drake ") else f"{name}.py",
+        prog=program if is_command else f"{name}.py",
         description=description,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -139,13 +163,13 @@ def run(main: Callable[[], int]) -> None:
         limit_linear_algebra()
         code = main()
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {as_run(str(error))}", file=sys.stderr)
         code = EXIT_BAD_INPUT
     except StoppedError as error:
         print(f"interrupted: {error}", file=sys.stderr)
         code = EXIT_INTERRUPTED
     except PepperDrakeError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {as_run(str(error))}", file=sys.stderr)
         code = EXIT_FAILED
     except BrokenPipeError:  # The reader of the output, such as `head`, has gone.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

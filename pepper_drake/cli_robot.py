@@ -1,12 +1,22 @@
 """Command-line options that choose the robot and its faults."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Collection
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.robot_wear import ROBOTS
+from pepper_drake.models.scene import COUPLINGS
 from pepper_drake.systems.faults.fault import KINDS, SIGNALS, parse_faults
 from pepper_drake.systems.faults.fault_set import FaultSet
+from pepper_drake.user_code import names_code
+
+
+def coupling_name(text: str) -> str:
+    """Parses the name of a coupling, or FILE.py:NAME."""
+    if text not in COUPLINGS and not names_code(text):
+        known = ", ".join(COUPLINGS)
+        raise ArgumentTypeError(f"'{text}' is not a coupling; use one of {known}, or FILE.py:NAME")
+    return text
 
 
 def add_robot_options(parser: ArgumentParser, *, addresses: bool = False) -> None:

@@ -26,6 +26,15 @@ def names_code(text: str) -> bool:
     return text.rpartition(":")[0].endswith(".py")
 
 
+def named_part(text: str) -> str:
+    """Returns the registered name of a part; FILE.py:NAME is registered first.
+
+    Raises:
+        InputError: See `register_code`.
+    """
+    return register_code(text) if names_code(text) else text
+
+
 def load_object(text: str) -> Any:
     """Runs a file and returns its object FILE.py:NAME.
 

@@ -20,6 +20,16 @@ def test_what_is_no_seed_is_one_line_and_exit_code_2(argument, capsys):
     assert "whole number" in error
 
 
+def test_apps_are_named_as_they_are_run(monkeypatch):
+    text = "see reach.py --help and apps/play.py: own.py:Mine, examples/robot.py, FILE.py:NAME"
+    assert cli.as_run(text) == text
+    monkeypatch.setattr(sys, "argv", ["pepper-drake learn"])
+    expected = text.replace("reach.py", "pepper-drake reach").replace(
+        "apps/play.py", "pepper-drake play"
+    )
+    assert cli.as_run(text) == expected
+
+
 def test_an_unknown_option_is_one_line_that_points_to_the_help(capsys):
     with pytest.raises(SystemExit) as exit_info:
         cli.make_parser("app", "What it does.").parse_args(["--sede", "1"])

@@ -42,6 +42,7 @@ def test_an_app_runs_under_its_name_in_any_folder(tmp_path):
     ran = command("learn", "--help", cwd=tmp_path)
     assert ran.returncode == 0
     assert ran.stdout.startswith("usage: pepper-drake learn ")
+    assert "(see pepper-drake import)" in ran.stdout
 
 
 def test_an_unknown_name_is_answered_with_those_there_are(tmp_path):

@@ -109,7 +109,9 @@ class LivePage:
         tabs = gui.add_tab_group()
         if lesson is not None:
             with tabs.add_tab("Lesson"):
-                gui.add_markdown(_as_markdown(lesson))
+                gui.add_markdown(
+                    f"{_as_markdown(lesson)}\n\nThe class watches at `{page.class_url}`."
+                )
                 self._on_click(gui.add_button("Start over", color=_QUIET), Action("over"))
         with tabs.add_tab("Legend"):
             gui.add_html(LEGEND)

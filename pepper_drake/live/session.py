@@ -214,7 +214,8 @@ class LiveSession:
         if self.mode == Mode.RECORDED:
             self.check_limp("Reach")
         elif self.taught.learned is None:
-            self._notify("There is nothing to perform yet; Record a movement, then Learn it")
+            first = "Record a movement, then Learn it" if not self.shown else "press Learn"
+            self._notify(f"There is nothing to perform yet; {first}")
         else:
             assert self.taught.learned.joints is not None
             self._retrace = Retrace(self.simulation.joints(), self.taught.learned.joints)

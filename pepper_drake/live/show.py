@@ -360,6 +360,6 @@ class LiveApp:
             if rate < _SLOW:
                 self._hint += ": too slow"
                 if self.session.simulation.diagram.station.config.cameras:
-                    self._hint += "; teach.py --no-cameras is faster"
+                    self._hint += "; --no-cameras is faster"
             self._pace = pace
         return self._hint

@@ -35,7 +35,7 @@ class GuardedHandler(tornado.web.RequestHandler):
     def _refusal(self) -> str | None:
         # Pages of one computer share their cookies, regardless of their ports.
         name = "token_" + hashlib.sha256((self._access.token or "").encode()).hexdigest()[:12]
-        in_address = self.get_query_argument("token", None)
+        in_address = self.path_kwargs.get("token") or self.get_query_argument("token", None)
         refusal = self._access.refusal(
             self.request.headers, in_address or self.get_cookie(name), public=self._public
         )

@@ -4,7 +4,14 @@ addEventListener("DOMContentLoaded", () => {
   const banner = document.createElement("div");
   banner.className = "banner";
   document.body.append(banner);
-  const show = (text) => { banner.textContent = text; banner.hidden = !text; };
+  let ended = false;
+  // Viser connects again only once its window has the focus: a reload does not wait for that.
+  const show = (text) => {
+    if (ended && text === PEPPER_BANNER) location.reload();
+    ended = text === ENDED;
+    banner.textContent = text;
+    banner.hidden = !text;
+  };
   show(PEPPER_BANNER);
   setInterval(() => fetch(location.href, { method: "HEAD" }).then(
     ({ ok, status }) => show(ok ? PEPPER_BANNER : status === 403

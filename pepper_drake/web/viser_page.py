@@ -41,7 +41,8 @@ class ViserPage:
         Raises:
             InputError: The host is not an address of this computer, or no port is free.
         """
-        lead, look = Access.to(host), Access.to(host)
+        lead = Access.to(host)
+        look = lead.for_class()
         # Only this user may enter such a folder.
         self._folder = tempfile.TemporaryDirectory(prefix="pepper-page-")
         path = Path(self._folder.name) / "viser"
@@ -60,7 +61,7 @@ class ViserPage:
             self._stop()
             raise
         self.url = lead.url(self._process.port)
-        self.class_url = look.url(self._process.port, "/class")
+        self.class_url = look.url(self._process.port, "/class", typed=True)
 
     def events(self) -> list[dict[str, Any]]:
         """Returns the events of keys and gamepad since the last call.

@@ -27,7 +27,13 @@ _WATCHES = "You are watching; the teacher has the controls. Turn the view with t
 _STYLE = b"""<title>Pepper</title><style>.banner{position:fixed;left:50%;bottom:12px;z-index:2000;
 width:max-content;max-width:90vw;transform:translateX(-50%);padding:6px 12px;background:#1c3d5a;
 color:#fff;font:14px sans-serif;
-pointer-events:none}.banner[hidden]{display:none}</style>"""
+pointer-events:none}.banner[hidden]{display:none}@media (max-width:36em){
+#root>div>div>div:has(canvas){flex-direction:column}#root>div>div>div>div:has(canvas){min-height:0}
+.mantine-Paper-root[style*="max-height: 60%"]{position:static!important;flex:none;
+width:100%!important;max-height:50%!important}
+.mantine-Paper-root [style*="width: 20em"]{width:100%!important}.banner{bottom:auto;top:12px}}
+</style>"""
+"""On a narrow screen viser's panel would cover the view; it stands below the view."""
 _NO_CONTROLS = b"""<style>.mantine-Button-root,.mantine-Slider-root,.mantine-Checkbox-root,
 [class^=multi-slider]{opacity:.4;pointer-events:none}</style>"""
 """Who looks on turns the pages of the controls, and moves none of them."""
@@ -48,14 +54,14 @@ class _Page(GuardedHandler, WebSocketHandler):
         self._upstream: ClientConnection | None = None
         self._is_counted = False
 
-    async def get(self, *arguments: str) -> None:
+    async def get(self, *arguments: str, **named: str) -> None:
         if self.request.headers.get("Upgrade", "").lower() == "websocket":
-            await super().get(*arguments)
+            await super().get(*arguments, **named)
             return
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.finish(self._html)
 
-    def head(self, *arguments: str) -> None:
+    def head(self, *arguments: str, **named: str) -> None:
         """Answers an open page that asks whether the program still serves it."""
 
     def check_origin(self, origin: str) -> bool:
@@ -186,7 +192,7 @@ def serve(order: dict[str, Any]) -> int:
     }
     handlers = [
         (r"/(?:index\.html)?", _Page, leading),
-        (r"/class/?", _Page, looking),
+        (r"/class(?:/(?P<token>[^/]+))?/?", _Page, looking),
         (r"/input", _Input, {"access": lead, "keys": frozenset(order["keys"])}),
     ]
     return listen(handlers, lead.host)

@@ -7,6 +7,7 @@ from pepper_drake.models.control_model import BODY_JOINTS
 from pepper_drake.models.robot_calibration import load_calibration
 from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.scenario import Scenario, load_scenario
+from tests.printed import missing, shown_lines
 
 
 @pytest.mark.render
@@ -35,6 +36,7 @@ def test_a_worn_robot_is_calibrated_by_its_own_images(run_app, tmp_path):
     assert report["robot_seconds"] < 120.0, "two minutes for a user"
     assert "RShoulderPitch" in done.stdout
     assert "not told apart" in done.stdout
+    assert missing(shown_lines("docs/howto/calibrate.md"), done.stdout) == [], done.stdout
 
 
 @pytest.mark.parametrize(

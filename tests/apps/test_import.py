@@ -16,6 +16,7 @@ from tests.learning.demonstrations.importers.recordings import (
     write,
     write_motive,
 )
+from tests.printed import missing, shown_lines
 
 APPS = Path(__file__).resolve().parents[2] / "apps"
 
@@ -143,6 +144,27 @@ def test_chain_joins_without_a_jump_and_is_performed(monkeypatch, tmp_path, moti
     assert chain.duration == pytest.approx(2 * motion.duration + 0.3, abs=0.02)
     assert np.linalg.norm(chain.positions - [0.2, -0.25, 0.0], axis=1).min() < 2e-3
     np.testing.assert_allclose(chain.positions[-1], motion.positions[0], atol=1e-6)
+
+
+def test_what_the_pages_show_is_printed(monkeypatch, tmp_path, capsys):
+    """The page's recording: a quarter of a metre with least jerk."""
+    monkeypatch.chdir(tmp_path)
+    shown = Path(__file__).parents[2] / "docs" / "howto" / "recordings.md"
+    times = 10 * np.arange(201)
+    s = (times / times[-1])[:, None]
+    path = [100.0, -200.0, 0.0] + (s**3 * (10 - 15 * s + 6 * s**2)) * [200.0, 150.0, 0.0]
+    rows = [";".join([f"{t}", *(f"{x:.2f}" for x in p)]) for t, p in zip(times, path, strict=True)]
+    take = "\n".join(["time [ms];x [mm];y [mm];z [mm]", *rows, ""])
+    assert f"```text\n{chr(10).join(take.splitlines()[:3])}\n```" in shown.read_text()
+    write(tmp_path / "take.csv", take)
+    assert run_app(monkeypatch, "import.py", "take.csv") == 0
+    imported = [line for line in shown_lines("docs/howto/recordings.md") if ";" not in line]
+    assert missing(imported, capsys.readouterr().out) == []
+    words = ("out/import/take!", "wait:1", "out/import/take@0.2,-0.2,0.1")
+    assert run_app(monkeypatch, "chain.py", *words) == 0
+    chained = [line.partition("; jump")[0] for line in shown_lines("docs/howto/chains.md")]
+    said = capsys.readouterr().out
+    assert missing(chained, said.replace("; jump", "\n")) == [], said
 
 
 @pytest.mark.parametrize(

@@ -53,9 +53,9 @@ def test_the_window_stays_open_from_run_to_run(two_runs):
     first = play(two_runs[0], "--zmq-url", address)
     try:
         assert first.returncode == 0, first.stderr
-        window = first.stdout.split("Watch it at ")[1].split()[0]
+        window = first.stdout.split("Open ")[1].split()[0]
         second = play(REACH, "--zmq-url", address)
-        assert f"Watch it at {window} " in second.stdout, "the same window"
+        assert f"Open {window} in a browser" in second.stdout, "the same window"
     finally:
         stopped = play("--stop", "--zmq-url", address)
     assert stopped.returncode == 0, stopped.stderr

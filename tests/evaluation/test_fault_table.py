@@ -1,11 +1,13 @@
 import json
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import pytest
 
 from pepper_drake.errors import InputError
 from pepper_drake.evaluation.fault_table import (
     FaultCase,
+    FaultResult,
     fault_cases,
     fault_result,
     load_results,
@@ -32,6 +34,29 @@ def test_every_sensible_fault_comes_from_both_starts_in_every_scene():
     assert {case.seed for case in cases} == {5, 6}
     for case in cases:
         parse_fault(case.fault)
+
+
+def parse_row(line):
+    """A row of the table, as the result that it was written from."""
+    cells = [cell.strip() for cell in line.strip().strip("|").split(" |")]
+    fault, scene, outcome, why, contacts, *numbers = cells
+    clearance, touch, stop, error = (float(cell) if cell else None for cell in numbers)
+    reason, _, message = why.partition(": ")
+
+    def metres(millimetres):
+        return None if millimetres is None else millimetres / 1000
+
+    return FaultResult(
+        *(fault.strip("`"), scene, 0, outcome, reason, message, int(contacts)),
+        *(metres(clearance), None, metres(touch), 0.0, 0.0, stop, metres(error)),
+    )
+
+
+def test_the_published_page_has_every_fault_and_counts_what_it_shows():
+    page = (Path(__file__).parents[2] / "docs" / "faults.md").read_text()
+    results = [parse_row(line) for line in page.splitlines() if line.startswith("| `")]
+    assert {result.fault for result in results} == {c.fault for c in fault_cases(["table"], 0)}
+    assert markdown_table(results) == page
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,5 @@
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -133,6 +134,8 @@ def test_a_session_goes_on_after_a_restart(story):
     simulation.place("goal_object", np.zeros(3))
     again = LiveSession(simulation, SessionFolder(seen["folder"]))
     assert again.resumed == "1 demonstration and a learned movement"
+    page = Path(__file__).parents[2] / "docs" / "howto" / "teaching.md"
+    assert f"Resumed the session in out/teach: {again.resumed}. " in page.read_text()
     np.testing.assert_allclose(simulation.offset("goal_object"), [0, 0, 0.05])
     (motion,) = again.shown
     np.testing.assert_allclose(motion.positions, session.demonstration.positions, atol=1e-8)

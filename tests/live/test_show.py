@@ -295,4 +295,12 @@ def test_in_a_browser_a_hand_is_dragged_recorded_learned_and_reaches(app, page, 
         pg.get_by_role("tab", name="Demos").click()
         pg.get_by_role("cell", name="1", exact=True).wait_for()
         pg.screenshot(path=kept / "reloaded.png")
+        # On a telephone the controls stand below the view, not over it.
+        pg.set_viewport_size({"width": 420, "height": 800})
+        title = pg.get_by_text("Teach Pepper")
+        pg.wait_for_function("document.querySelector('canvas').clientHeight < 600")
+        view = pg.locator("canvas").first.bounding_box()
+        assert 300 < view["y"] + view["height"] <= title.bounding_box()["y"]
+        expect(pg.get_by_role("button", name="Save", exact=True)).to_be_in_viewport(ratio=1)
+        pg.screenshot(path=kept / "narrow.png")
         browser.close()

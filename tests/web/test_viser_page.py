@@ -1,5 +1,6 @@
 import contextlib
 import random
+import re
 import time
 import urllib.error
 import urllib.request
@@ -101,21 +102,28 @@ def test_other_websites_are_refused(page, path, headers):
 
 def test_beyond_this_computer_each_address_holds_its_own_token():
     with ViserPage("0.0.0.0") as page:
-        tokens = [url.partition("?token=")[2] for url in (page.url, page.class_url)]
-        port = page.url.partition("?")[0].rstrip("/").rpartition(":")[2]
-        assert len(set(tokens)) == 2
-        assert min(map(len, tokens)) >= 32
-        address = f"http://127.0.0.1:{port}"
-        for path in ("/", f"/?token={tokens[1]}", f"/class?token={tokens[0]}"):
+        before, _, lead = page.url.partition("/?token=")
+        look = page.class_url.partition("/class/")[2]
+        assert len(lead) >= 32
+        # It is typed from a blackboard: short, and no letter looks like another.
+        assert re.fullmatch("[a-hjkmnp-z2-9]{5}-[a-hjkmnp-z2-9]{5}", look)
+        address = f"http://127.0.0.1:{before.rpartition(':')[2]}"
+        wrong = look[:-1] + ("a" if look[-1] != "a" else "b")
+        refused = ("/", f"/?token={look}", f"/?token={wrong}")
+        for path in (*refused, "/class", f"/class/{lead}", f"/class/{wrong}", f"/class/{look}/a"):
             for method in ("GET", "HEAD"):
                 request = urllib.request.Request(address + path, method=method)
-                with pytest.raises(urllib.error.HTTPError, match="403"):
+                with pytest.raises(urllib.error.HTTPError, match=r"403|404"):
                     urllib.request.urlopen(request, timeout=10)
-        for path in (f"/?token={tokens[0]}", f"/class?token={tokens[1]}"):
+        with pytest.raises(InvalidStatus, match="403"):
+            open_socket(f"{address}/class/{wrong}")
+        for path in (f"/?token={lead}", f"/class/{look}", f"/class?token={look}"):
             # An open page asks in this way whether it is still served.
             request = urllib.request.Request(address + path, method="HEAD")
             assert urllib.request.urlopen(request, timeout=10).read() == b""
             assert b"viser" in urllib.request.urlopen(address + path, timeout=10).read().lower()
+        with open_socket(f"{address}/class/{look}") as looks:
+            looks.recv()
 
 
 HOSTILE = [
