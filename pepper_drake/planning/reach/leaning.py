@@ -112,9 +112,8 @@ class LeaningPlacement:
             return False
         resting = self._placements.places.resting_clearances
         return all(
-            resting(place, observation.with_hip_pitch(angle).joint_position, field)[0]
-            >= params.drive_clearance
-            for angle in np.linspace(observation.hip_pitch, leaning.hip_pitch, 5)
+            resting(place, one.joint_position, field)[0] >= params.drive_clearance
+            for one in observation.leaning_to(leaning.hip_pitch)
         )
 
     def _postures(self, observation: Observation) -> Iterator[Observation]:

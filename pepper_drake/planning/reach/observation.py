@@ -174,6 +174,12 @@ class Observation:
         joints[HIP_PITCH] = hip_pitch
         return replace(self, joint_position=joints)
 
+    def leaning_to(self, hip_pitch: float | None) -> list[Observation]:
+        """Returns the observation at five hip angles from now to another [rad]; none for None."""
+        if hip_pitch is None:
+            return []
+        return [self.with_hip_pitch(a) for a in np.linspace(self.hip_pitch, hip_pitch, 5)]
+
     def from_base_pose(self, base_pose: Vector) -> Observation:
         """Returns the observation with the base at another pose (3,) [m, rad]."""
         return replace(self, base_pose=base_pose)

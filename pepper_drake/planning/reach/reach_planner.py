@@ -223,6 +223,7 @@ class ReachPlanner:
             space,
             observation.time,
             params,
+            [one.joint_position for one in observation.leaning_to(plan.hip_pitch)],
         )
         region = unseen.region
         plan = replace(

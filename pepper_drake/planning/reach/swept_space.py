@@ -1,5 +1,6 @@
 """Unseen space in the robot's swept volume: space that was not measured does not count as free."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -161,6 +162,7 @@ def unseen_drive_space(
     space: SeenSpace,
     time: float,
     params: UnseenSpaceParams,
+    leaning: Iterable[Vector] = (),
 ) -> UnseenSpace:
     """Finds the unseen part of the volume that the robot sweeps on a straight drive.
 
@@ -175,11 +177,16 @@ def unseen_drive_space(
         space: Observed space.
         time: Present time [s].
         params: Criteria of unseen space.
+        leaning: Joints (15,) [rad] of the postures through which it then leans at the goal.
     """
     solid = body.solid_points(joint_position, params.cell)
     poses = drive_poses(base_pose, goal, params.cell)
     p_W = at_base_poses(solid, poses).reshape(-1, 3)
     index = np.repeat(np.arange(len(poses)), len(solid))
+    for posture in leaning:
+        leant = at_base_poses(body.solid_points(posture, params.cell), goal[None])[0]
+        p_W = np.concatenate((p_W, leant))
+        index = np.concatenate((index, np.full(len(leant), len(poses) - 1)))
     taken = np.unique(voxel_keys(p_W, params.cell), return_index=True)[1]
     taken = taken[p_W[taken, 2] > params.floor]
     p_W, index = p_W[taken], index[taken]

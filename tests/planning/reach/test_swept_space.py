@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
-from pepper_drake.models.control_model import shared_control_model
+from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import camera_pose
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
@@ -117,10 +117,10 @@ BODY = BodyClearance(shared_control_model(), body_links(shared_control_model()))
 BASE, THERE = np.array([1.0, -2.0, 0.3]), np.array([1.5, -1.8, 0.3])
 
 
-def find_drive(space, params=STRICT, goal=THERE):
+def find_drive(space, params=STRICT, goal=THERE, leaning=()):
     nothing = np.zeros((0, 3)), np.zeros(0)
     joints = np.zeros(15)
-    return unseen_drive_space(BODY, BASE, goal, joints, X_WT, nothing, space, 1.0, params)
+    return unseen_drive_space(BODY, BASE, goal, joints, X_WT, nothing, space, 1.0, params, leaning)
 
 
 def test_all_that_the_body_sweeps_on_a_drive_is_unseen_but_the_floor_and_where_it_stands():
@@ -142,6 +142,17 @@ def test_all_that_the_body_sweeps_on_a_drive_is_unseen_but_the_floor_and_where_i
 
 def test_a_robot_that_stays_drives_through_nothing():
     assert find_drive(NOTHING_SEEN, goal=BASE).regions == ()
+
+
+def test_where_it_leans_the_torso_and_head_sweep_space_too():
+    leant = np.zeros(15)
+    leant[BODY_JOINTS.index("HipPitch")] = -0.3
+    region = find_drive(NOTHING_SEEN, goal=BASE, leaning=[leant]).region
+    ahead = (region[:, :2] - BASE[:2]) @ [np.cos(BASE[2]), np.sin(BASE[2])]
+    # Nothing below the hip, 0.75 m above the floor, and most at the height of the head.
+    assert region[:, 2].min() > 0.7
+    assert ahead[region[:, 2] > 1.0].max() > ahead[region[:, 2] < 0.9].max()
+    assert 0.15 < ahead.max() < 0.4
 
 
 def test_a_place_on_the_drive_that_was_not_seen_is_found():
