@@ -1,4 +1,4 @@
-"""What is kept for samples with the same times."""
+"""Matrices that are kept for samples with the same times."""
 
 import numpy as np
 import pytest
