@@ -190,12 +190,13 @@ def _weak(value: Any) -> Any:
     and their ports become weak proxies.
     """
     if isinstance(value, MethodType):
-        method = weakref.WeakMethod(value)
+        # Not a WeakMethod, whose every call takes longer than that of most methods it is of.
+        owner, function = weakref.ref(value.__self__), value.__func__
 
         def call(*args: Any) -> Any:
-            bound = method()
-            assert bound is not None, "Drake computes nothing of a system that is gone"
-            return bound(*args)
+            system = owner()
+            assert system is not None, "Drake computes nothing of a system that is gone"
+            return function(system, *args)
 
         return call
     if isinstance(value, partial):

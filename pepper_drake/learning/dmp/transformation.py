@@ -158,15 +158,18 @@ class TransformationModel:
                 model's features, the function then takes phases (S, M).
         """
         matrix, offset = self.matrix(start, goal), self.offset(start, goal)
-        if offset is not None and not np.any(offset != 0.0):
+        if offset is not None and (offset == 0.0).all():
             offset = None
         model, linear = self.model, self.linear_model
+        given = None
+        if weights is not None and linear is not None and weights.ndim == 2:
+            given = linear.with_weights(weights)
 
         def forcing(phases: Array) -> Array:
             if weights is None or linear is None:
                 values = model(phases)
-            elif weights.ndim == 2 and phases.ndim == 1:
-                values = linear.with_weights(weights)(phases)  # Without building the features.
+            elif given is not None and phases.ndim == 1:
+                values = given(phases)  # Without building the features.
             else:
                 values = linear.features(phases.ravel()).reshape(*phases.shape, -1) @ weights
             values = scaled(values, matrix)

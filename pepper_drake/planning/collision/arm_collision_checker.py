@@ -148,8 +148,9 @@ class ArmCollisionChecker:
     def grid(self) -> DistanceGrid:
         """Distances to all that the arm must not touch, without (0) and with (1) the body."""
         region = arm_region(self.kinematics.arm)
-        with_body = np.minimum(self._body_layer() + self._allowance, GRID_CAP)
-        layers = np.stack((np.full(len(with_body), GRID_CAP), with_body))
+        body = self._body_layer()
+        layers = np.full((2, len(body)), GRID_CAP, np.float32)
+        layers[CLOUD_AND_BODY] = np.minimum(body + self._allowance, GRID_CAP)
         return DistanceGrid(region, layers, self._around)
 
     def _around(self, p_T: Vector) -> Vector:

@@ -66,7 +66,10 @@ class DistanceGrid:
     """
 
     def __init__(
-        self, region: Region, layers: Vector, measure: Callable[[Vector], Vector] | None = None
+        self,
+        region: Region,
+        layers: npt.NDArray[np.floating],
+        measure: Callable[[Vector], Vector] | None = None,
     ) -> None:
         self.region, self._measure = region, measure
         self._values = layers.astype(np.float32)

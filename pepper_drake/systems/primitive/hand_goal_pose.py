@@ -90,8 +90,8 @@ class HandGoalPose(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _calc_goal(self, context: Context, value: Value) -> None:
-        p_TO, q_TO = np.split(context.get_discrete_state(self._object).value(), [3])
-        X_TO = RigidTransform(Quaternion(wxyz=q_TO), p_TO)
+        state = context.get_discrete_state(self._object).value()
+        X_TO = RigidTransform(Quaternion(wxyz=state[3:]), state[:3])
         value.set_value(_numbers(X_TO @ self.movement_input.Eval(context).X_OG))
 
     def _calc_part(self, part: slice, context: Context, output: BasicVector) -> None:
