@@ -144,16 +144,25 @@ def led(scenario, **options):
             mailbox.close()
 
     with served() as robot:
-        for _ in range(50):  # A robot whose first cycle is not over yet goes back.
-            robot.do(lambda: place(robot))
-            time.sleep(0.1)
-            arm = robot.do(lambda: robot.robot.state().positions[NAOQI])
-            if np.allclose(arm, START, atol=1e-3):
-                break
+        place(robot)
         asyncio.run(run(robot))
 
 
 def place(robot):
+    """Puts the arm to START; a robot whose first cycle is not over yet would go back."""
+    end, commands = time.monotonic() + 5.0, robot.robot.commands
+    is_there = False
+    while not is_there and time.monotonic() < end:
+        robot.do(lambda: put(robot))
+        after = len(commands) + 2
+        while len(commands) < after and time.monotonic() < end:
+            time.sleep(0.005)
+        arm = robot.do(lambda: robot.robot.state().positions[NAOQI])
+        is_there = np.allclose(arm, START, atol=1e-3)
+    assert is_there
+
+
+def put(robot):
     robot.robot.lead(dict(zip(ARM, START.tolist(), strict=True)))
     controller = robot.pepper.motion.joints
     controller.command[NAOQI] = START
@@ -247,12 +256,12 @@ def test_images_come_with_the_joints_of_their_capture():
             now = it.robot.robot.now
             it.robot.robot.images = {0: CameraImage(now, color), 2: CameraImage(now, depth)}
 
-        it.command(START, enabled=[True, False, True])
-        for _ in range(40):
+        top, bottom, deep = (record for record in it.mailbox.images)
+        end = time.monotonic() + 5.0
+        while min(top.writes, deep.writes) <= 3 and time.monotonic() < end:
             it.robot.do(take)
             it.command(START, enabled=[True, False, True])
             await asyncio.sleep(0.05)
-        top, bottom, deep = (record for record in it.mailbox.images)
         assert bottom.writes == 0
         assert top.writes > 3
         assert deep.writes > 3
@@ -267,7 +276,9 @@ def test_images_come_with_the_joints_of_their_capture():
             "pepper_drake_2",
         ]
         it.command(START, enabled=[False] * len(CAMERA_NAMES))
-        await asyncio.sleep(0.5)
+        end = time.monotonic() + 2.0
+        while it.robot.do(it.robot.pepper.video.get_subscribers) and time.monotonic() < end:
+            await asyncio.sleep(0.02)
         assert it.robot.do(it.robot.pepper.video.get_subscribers) == []
 
     led(scenario)

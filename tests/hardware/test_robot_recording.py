@@ -49,7 +49,7 @@ def lead(robot, ended, seen):
 
 def recorded(folder, ended, **options):
     with served() as robot:
-        robot.do(lambda: place(robot))
+        place(robot)
         seen: dict = {}
         leader = threading.Thread(target=lead, args=(robot, ended, seen))
         leader.start()
@@ -124,7 +124,7 @@ def test_the_app_records_and_refuses_what_only_a_simulation_can(tmp_path, monkey
     with pytest.raises(Exception, match="--way is for the simulation"):
         record.main()
     with served() as robot:
-        robot.do(lambda: place(robot))
+        place(robot)
         press = lambda it: it.do(lambda: it.robot.touch("ChestBoard/Button"))  # noqa: E731
         leader = threading.Thread(target=lead, args=(robot, press, {}))
         leader.start()
@@ -155,7 +155,7 @@ def test_teaching_adds_what_a_robot_was_shown_to_a_session_that_the_page_goes_on
     with served() as robot:
         arguments = ["--station", "naoqi", "--robot", robot.address, "--disable-life"]
         monkeypatch.setattr(sys, "argv", ["teach.py", *arguments, "--output", str(tmp_path)])
-        robot.do(lambda: place(robot))
+        place(robot)
         leader = threading.Thread(target=lead, args=(robot, press, {}))
         leader.start()
         assert teach.main() == 0
