@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform
 from pepper_drake.perception.cameras.camera import CAMERA_BOTTOM, CAMERA_TOP
 from pepper_drake.perception.gaze.head_aiming import aim_head, camera_pose, clamp_head
 from pepper_drake.perception.gaze.view_planning import visible
-from pepper_drake.planning.reach.base_placement import BasePlacementPlanner
+from pepper_drake.planning.reach.base_placement_planner import BasePlacementPlanner
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan

@@ -12,7 +12,8 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
-from pepper_drake.planning.reach.base_placement import BasePlacement, BasePlacementPlanner
+from pepper_drake.planning.reach.base_placement import BasePlacement
+from pepper_drake.planning.reach.base_placement_planner import BasePlacementPlanner
 from pepper_drake.planning.reach.leaning import LeaningPlacement
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation

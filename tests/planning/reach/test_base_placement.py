@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RigidTransform
 
 from pepper_drake.planning import ReachPlannerParams
-from pepper_drake.planning.reach.base_placement import BasePlacementPlanner
+from pepper_drake.planning.reach.base_placement_planner import BasePlacementPlanner
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
 
 PLACES = 30
