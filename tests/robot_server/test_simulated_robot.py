@@ -7,7 +7,7 @@ import pytest
 
 from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.models.control_model import shared_control_model
-from pepper_drake.models.scene import load_scene
+from pepper_drake.models.scene import Obstacle, load_scene
 from pepper_drake.naoqi.constants import CHAINS, CYCLE, JOINTS, TOP
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.robot_server.faults_on_demand import FaultsOnDemand
@@ -161,3 +161,20 @@ def test_a_camera_is_frozen_on_demand(robot):
             call["freeze"](["nose"])
     finally:
         robot.want_image(TOP, 0, 0, 0.0)
+
+
+def test_a_bumper_is_pressed_by_what_the_base_drives_into():
+    free = load_scene("free")
+    box = Obstacle("box", "box", size=[0.1, 0.2, 0.4], position=[0.4, 0.15, 0.2])
+    scene = replace(free, robot=replace(free.robot, x=0.0, y=0.0, yaw=0.0), obstacles=[box])
+    with SimulatedRobot(SimulatorConfig(scene, StationConfig(), rate=0.0)) as robot:
+        robot.wait_until_ready()
+        start = robot.state()
+        assert start.touched == frozenset()
+        stiff = np.ones(len(JOINTS))
+        while not (now := robot.state()).touched and now.time < start.time + 3.0:
+            robot.check()
+            robot.command(RobotCommand(start.positions, stiff, (0.2, 0.0, 0.0)))
+            time.sleep(0.002)
+    assert now.touched == {"Platform/FrontLeft/Bumper"}
+    assert 0.0 < now.base_pose[0] < 0.3
