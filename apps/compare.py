@@ -54,7 +54,8 @@ def main() -> int:
         "(default: all)",
     )
     arguments = parse(parser)
-    names = [named_part(name) for name in arguments.approximators]
+    known = approximator_names()
+    names = [name if name in known else named_part(name) for name in arguments.approximators]
     nums_basis = list(arguments.num_basis)
     for name in names:
         get_approximator(name)

@@ -13,7 +13,7 @@ camera, drives up, and performs the movement that it was taught, bent around the
   reach.py --set planner.clearance.want=0.02
   reach.py --scenario out/reach/scenario.yaml     the same run again
   reach.py --no-avoidance               what happens without the obstacle coupling
-  reach.py --method reactive            the coupling alone bends the movement, nothing is adapted
+  reach.py --scene post --method reactive     the coupling alone bends it, nothing is adapted
   reach.py --method adapted reactive report     the methods beside one another, in methods.png
   reach.py --tasks lift                 then wait, grip, lift, put down, let go, return; or a file
   reach.py --live                       watch it in a browser, in real time

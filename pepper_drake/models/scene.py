@@ -24,7 +24,7 @@ from pepper_drake.models.typed_yaml import line_of_field, load_yaml, save_yaml
 from pepper_drake.short_repr import short_repr, short_signature
 
 SCENES_DIR = MODELS_DIR / "scenes"
-SCENES = ("table", "shelf", "clutter", "free", "teach")
+SCENES = ("table", "shelf", "clutter", "free", "post", "teach")
 """The names of the scenes that ship."""
 
 COUPLINGS = ("barrier", "report")

@@ -12,7 +12,7 @@ from pepper_drake.models.control_model import (
     arm_joints,
     body_indices,
 )
-from pepper_drake.models.scene import default_pre_grasp
+from pepper_drake.models.scene import default_pre_grasp, load_scene
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import camera_pose
 from pepper_drake.perception.gaze.view_planning import head_grid
@@ -273,6 +273,25 @@ def test_without_adaptation_the_hand_is_bent_around_it_more_closely(right_primit
     plan = reactive.check_reach(at_the_table)
     assert plan.clearance < reactive.params.clearance.want
     assert plan.movement is reactive.demonstrated
+
+
+def test_the_coupling_alone_passes_the_post_of_the_first_hour(right_primitive, true_clearance):
+    """In the scene that ships, the movement as it was shown would run into the post."""
+    scene = load_scene("post")
+    (post,) = (obstacle for obstacle in scene.obstacles if obstacle.name == "post")
+    radius, length = post.size
+    angles, heights = np.meshgrid(np.arange(0.0, 2 * np.pi, 0.3), np.arange(0.0, length, 0.015))
+    x, y, _ = post.position
+    around = np.stack([x + radius * np.cos(angles), y + radius * np.sin(angles), heights], axis=-1)
+    cloud, X_WO = around.reshape(-1, 3), scene.goal.pose()
+    bent = make_planner(right_primitive, make_coupling("barrier"), adapt=False)
+    plan = stand(bent, X_WO, cloud)
+    assert plan.status == PlanStatus.CLEAR
+    assert plan.movement is bent.demonstrated
+    points = in_torso(cloud, plan.base_pose)
+    straight = make_planner(right_primitive, None).check_reach(observed(plan.base_pose, X_WO))
+    assert min(true_clearance("right", q, points) for q in plan.joint_path[::6]) > 0.005
+    assert min(true_clearance("right", q, points) for q in straight.joint_path[::6]) < 0.0
 
 
 def test_no_movement_is_clear_that_runs_into_the_goal_object(planner, monkeypatch):
