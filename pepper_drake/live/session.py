@@ -474,7 +474,8 @@ class LiveSession:
         if mode == Mode.PLANNING:
             return "Pepper plans its movement around what it sees"
         if mode == Mode.WAITING:
-            return "Something is in the way; the arm has withdrawn and waits for it to go"
+            unseen = f": {state.message}" if state.message else ""
+            return f"Something is in the way; the arm has withdrawn and waits for it to go{unseen}"
         if mode == Mode.REACHING:
             if state.movement is not self._explained_movement:
                 self._explained_movement, self._why_adapted = (

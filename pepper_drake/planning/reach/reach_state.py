@@ -67,7 +67,7 @@ class ReachState:
         base_pose_wanted: Goal of the base, x, y, yaw in W [m, rad]; NaN to stay.
         hip_pitch_wanted: Hip angle to lean to once the base has arrived [rad]; NaN to stay.
         reason: Name of the failure, or of an unconfirmed success; "" for none.
-        message: The same as a sentence.
+        message: The same as a sentence; while the arm waits, what it could not see, if anything.
         still_since: When the hand arrived at the goal [s]; NaN while it is not there.
         places: Number of base placements chosen so far.
         placement: The last base placement, with the movement that was found for it. While the
@@ -210,6 +210,7 @@ class ReachState:
             plan=plan,
             movements=self.movements + 1,
             since=time,
+            message="",
             still_since=np.nan,
             speed=1.0,
             performed=0.0,

@@ -206,7 +206,8 @@ class _Supervision(DriveSupervision):
         if state.suspended_plan is not None:
             state = replace(state, waited=state.waited + timing.time_step)
             if state.waited > timing.blocked_timeout:
-                message = "something came in the way and has not gone"
+                unseen = f": {state.message}" if state.message else ""
+                message = f"something came in the way and has not gone{unseen}"
                 return self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
             return state
         if state.braking:

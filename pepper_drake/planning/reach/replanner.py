@@ -97,7 +97,7 @@ class ReachReplanner:
             state = replace(state, checked=time)
             if detour.status == PlanStatus.NOT_SEEN:
                 x, y, z = detour.look_at
-                state = replace(state, look_at=(x, y, z))
+                state = replace(state, look_at=(x, y, z), message=detour.message)
         if state.suspended_plan is None or has_waited:
             state = replace(state, waits_with=observation)
         return self._retreat(state, plan, reach, seen.with_arm(start), due)
