@@ -68,6 +68,7 @@ LONG_SIGNATURES = {
     "pepper_drake.learning.demonstrations.importers.Track",
     "pepper_drake.perception.DynamicObstacleTracker",
     "pepper_drake.planning.Observation",
+    "pepper_drake.planning.ReachPlan",
 }
 """Those above 300 characters. Grouping their fields would hide what `help()` is to show."""
 

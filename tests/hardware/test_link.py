@@ -272,8 +272,8 @@ def test_images_come_with_the_joints_of_their_capture():
         depth_mm = np.array(deep.read()["pixels"])[: 2 * 240 * 320].view(np.uint16)
         assert set(depth_mm.tolist()) == {1234}
         assert sorted(it.robot.do(it.robot.pepper.video.get_subscribers)) == [
-            "pepper_drake_0",
-            "pepper_drake_2",
+            "pepper_drake_0_0",
+            "pepper_drake_2_0",
         ]
         it.command(START, enabled=[False] * len(CAMERA_NAMES))
         end = time.monotonic() + 2.0
