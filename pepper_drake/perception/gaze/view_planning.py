@@ -79,16 +79,8 @@ def visible(
         places: Places in the torso frame [m].
         border: Width of the ignored border, as a fraction of half the image.
     """
-    X_TC = camera_pose(camera, head)
-    p_C = (places - X_TC.translation()) @ X_TC.rotation().matrix()
-    return _in_image(camera, p_C, border)
-
-
-def _in_image(camera: HeadCamera, p_C: Vector, border: float) -> npt.NDArray[np.bool_]:
-    """Tells which places (..., 3) in the camera frame are in its image; modifies `p_C`."""
-    # Scaling x and y scales the distance from the image's centre.
-    p_C[..., :2] /= 1.0 - border
-    return np.asarray((p_C[..., 2] > _NEAREST) & camera.intrinsics.sees(p_C))
+    X_TC = camera_pose(camera, head).GetAsMatrix34()
+    return _in_images(camera, X_TC[None], places, border)[0]
 
 
 @functools.cache
@@ -173,7 +165,52 @@ def _in_images(
     camera: HeadCamera, X_TC: Vector, places: Vector, border: float
 ) -> npt.NDArray[np.bool_]:
     """Tells which places (N, 3) in T are in a camera's image (H, N) at its poses (H, 3, 4)."""
-    return _in_image(camera, (places - X_TC[:, None, :, 3]) @ X_TC[:, :, :3], border)
+    lens = camera.intrinsics
+    return np.asarray(
+        _projected_inside(
+            np.ascontiguousarray(X_TC),
+            np.ascontiguousarray(places, dtype=float),
+            (float(lens.width), float(lens.height)),
+            (lens.focal_x, lens.focal_y, lens.center_x, lens.center_y),
+            (*lens.distortion, 0.0, 0.0, 0.0)[:8],
+            1.0 - border,
+        )
+    )
+
+
+@compiled
+def _projected_inside(
+    X_TC: Vector,
+    places: Vector,
+    size: tuple[float, float],
+    lens: tuple[float, float, float, float],
+    distortion: tuple[float, ...],
+    within: float,
+) -> npt.NDArray[np.bool_]:
+    """Tells which places (N, 3) are in a part of the image (H, N) at H poses (H, 3, 4).
+
+    The projection is that of `CameraIntrinsics.project`.
+    """
+    k1, k2, p1, p2, k3, k4, k5, k6 = distortion
+    inside = np.zeros((len(X_TC), len(places)), dtype=np.bool_)
+    for h in range(len(X_TC)):
+        X = X_TC[h]
+        for n in range(len(places)):
+            a, b, c = places[n, 0] - X[0, 3], places[n, 1] - X[1, 3], places[n, 2] - X[2, 3]
+            z = X[0, 2] * a + X[1, 2] * b + X[2, 2] * c
+            if z <= _NEAREST:
+                continue
+            # Scaling x and y scales the distance from the image's centre.
+            x = (X[0, 0] * a + X[1, 0] * b + X[2, 0] * c) / (within * z)
+            y = (X[0, 1] * a + X[1, 1] * b + X[2, 1] * c) / (within * z)
+            r2 = x * x + y * y
+            radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            radial /= 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
+            u = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+            v = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+            u, v = lens[0] * u + lens[2], lens[1] * v + lens[3]
+            inside[h, n] = -0.5 <= u <= size[0] - 0.5 and -0.5 <= v <= size[1] - 0.5
+    return inside
 
 
 def _unoccluded(
