@@ -115,6 +115,7 @@ _LEAST = {
     "planner.support_surface.rim": 0,
     "supervisor.latency.base_placement": 0,
     "supervisor.latency.check": 0,
+    "supervisor.latency.drive": 0,
     "supervisor.latency.plan": 0,
 }
 """Least values of some fields."""

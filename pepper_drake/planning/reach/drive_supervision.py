@@ -78,7 +78,7 @@ class DriveSupervision:
             return state
         plan = self._planner.check_drive(placement, self._without_predictions())
         state = replace(state, cloud_time=observation.cloud_time)
-        return state.later(Pending(self._time + timing.latency.plan, Effect.PLACEMENT, plan))
+        return state.later(Pending(self._time + timing.latency.drive, Effect.PLACEMENT, plan))
 
     def placed(self, state: ReachState, plan: ReachPlan) -> ReachState:
         """Drives to the planned base placement, looks along the drive first, or fails."""
