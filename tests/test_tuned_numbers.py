@@ -88,6 +88,7 @@ ALLOWED = {
         "numeric": "_WIDE _REGISTRATIONS",
     },
     "perception/mapping/near_field_occlusion.py": {"numeric": "_PITCH _STEP"},
+    "perception/mapping/projector_shadow.py": {"geometry": "BOTH_SIDES"},
     "perception/mapping/voxel_map.py": {
         "layout": "_KEY_BITS _KEY_OFFSET",
         "numeric": "_LEAST_PIXELS",

@@ -235,7 +235,11 @@ def test_with_cameras_the_goal_is_seen_and_the_cloud_follows_the_ball(make_sessi
 
 
 @pytest.mark.render
-def test_a_ball_in_the_way_is_passed_or_the_page_says_why_not_until_it_is_gone(make_session, story):
+@pytest.mark.parametrize("off", [(0.0, -0.03, -0.02), (0.0, 0.06, 0.0)])
+def test_a_ball_in_the_way_is_not_touched_and_the_page_says_so_until_it_is_gone(
+    make_session, story, off
+):
+    """It is 0.33 m from the depth camera, too near to be measured."""
     session = make_session(story[1]["taught"], cameras=True)
     assert session.resumed == "1 demonstration and a learned movement"
     simulation = session.simulation
@@ -244,22 +248,18 @@ def test_a_ball_in_the_way_is_passed_or_the_page_says_why_not_until_it_is_gone(m
     (ball,) = (o for o in simulation.scene.obstacles if o.name == "ball")
     session.reach()
     go_on(session, 15, until=Mode.LOOKING)
-    simulation.set_offset("ball", on_the_way + [0.0, -0.03, -0.02] - ball.position)
+    simulation.set_offset("ball", on_the_way + off - ball.position)
     seen = []
-    while session.mode not in (Mode.HOLDING, Mode.STOPPED) and simulation.time < 22:
+    while session.mode != Mode.HOLDING and simulation.time < 17:
         go_on(session, 0.1)
         seen += [session.mode] if session.mode not in seen else []
-    assert seen[0] == Mode.LOOKING, session.status
+    assert seen[:2] == [Mode.LOOKING, Mode.PLANNING], session.status
+    assert Mode.STOPPED not in seen, session.status
     if session.mode == Mode.WAITING:
         assert "waits for it to go" in session.status
-        simulation.set_offset("ball", np.zeros(3))
+        simulation.set_offset("ball", np.array([0.3, -0.3, -0.5]))
         go_on(session, 30, until=Mode.HOLDING)
-    if session.mode == Mode.HOLDING:
-        assert simulation.has_arrived()
-        assert Mode.PLANNING in seen
-    else:
-        assert session.status.startswith("Stopped: ")
-        assert simulation.reach_state().message in session.status
+    assert simulation.has_arrived(), session.status
 
 
 def test_a_person_is_attended_to_several_times_a_frame(idle):

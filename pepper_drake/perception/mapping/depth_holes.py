@@ -4,7 +4,7 @@ A hole is explained by one of these:
 
 - The sensor is blind there: a blank band along the image's border, or pixels that stayed blank
   while the camera moved so far that an object in front of it would have left them.
-- The projector's light is blocked by something nearer, a shadow (see `cameras.structured_light`).
+- The projector's light is blocked by something nearer, a shadow (see `projector_shadow`).
 - The surface reflects too little, a dropout: the hole is surrounded by measured pixels, and is
   small, or stayed at the same place of the surface while the camera moved so far that the occlusion
   by a nearer object would have shifted.
@@ -19,7 +19,6 @@ from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics, pixel_rays
-from pepper_drake.perception.cameras.structured_light import projector_displacement
 
 Array = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
@@ -53,6 +52,10 @@ class HoleParameters:
         same_place: Places on a surface closer to each other are the same [m].
         shadow_step: Smallest depth difference between a surface and the surface in its shadow [m].
         shadow_slack: Largest error of the pattern's displacement in a shadow [pixels].
+        side_width: Width from which a row's shadow tells the projector's side [pixels].
+        side_slack: Largest error of its width [pixels].
+        side_rows: Number of such shadows from which the side can be told.
+        side_ratio: How many times as many there must be on one side as on the other.
     """
 
     least_views: int = 3
@@ -63,6 +66,10 @@ class HoleParameters:
     same_place: float = 0.04
     shadow_step: float = 0.04
     shadow_slack: float = 3.0
+    side_width: float = 5.0
+    side_slack: float = 2.0
+    side_rows: int = 30
+    side_ratio: float = 5.0
 
 
 DEFAULT_HOLES = HoleParameters()
@@ -83,6 +90,7 @@ class HoleMemory:
         places: Dropouts (K, 3) on surfaces, in W [m].
         seen_from: The camera's position when each was first seen (K, 3), in W [m].
         settled: Mask of confirmed dropouts, a property of the surface (K,).
+        shadows: Number of rows' shadows of a projector at positive and at negative x of the camera.
     """
 
     measured: Mask
@@ -92,6 +100,7 @@ class HoleMemory:
     places: npt.NDArray[np.float64]
     seen_from: npt.NDArray[np.float64]
     settled: Mask
+    shadows: tuple[int, int] = (0, 0)
 
     @classmethod
     def empty(cls) -> "HoleMemory":
@@ -264,75 +273,6 @@ def _image_motion(
         moved = np.linalg.norm(intrinsics.project(p_C) - pixels, axis=1)
         least = np.fmin(least, np.where(np.isfinite(moved), moved, np.inf))
     return least
-
-
-def in_measured_shadow(
-    p_C: Points,
-    depth: Array,
-    intrinsics: CameraIntrinsics,
-    baseline: float,
-    parameters: HoleParameters = DEFAULT_HOLES,
-) -> Mask:
-    """Tells which hidden places lie in the projector's shadow of a measured surface.
-
-    The line from a place to the projector appears in the image as part of the place's row: at d
-    pixels from it, the inverse depth is larger by d / (f b). A surface measured at that depth
-    blocks the pattern. The projector may be on either side: both are tried. As the depth of the
-    hidden surface may be unknown, the depth at which the row's blank run ends is tried, too.
-
-    Args:
-        p_C: Hidden places (N, 3) in the camera frame [m], all in the field of view.
-        depth: Depth image (height, width) [m], 0 for holes.
-        intrinsics: The camera.
-        baseline: Distance of projector and camera [m].
-        parameters: Tolerances of a shadow.
-
-    Returns:
-        (N,).
-    """
-    reach = abs(intrinsics.focal_x * baseline)
-    if len(p_C) == 0 or reach == 0.0:
-        return np.zeros(len(p_C), dtype=bool)
-    columns, rows = np.rint(intrinsics.project(p_C)).astype(np.int64).T
-    # A minimum filter, as edge pixels often drop out.
-    filled = np.where(depth > 0, depth, np.float32(np.inf))
-    nearest = cv2.erode(filled, np.ones((3, 3), np.uint8))
-    with np.errstate(divide="ignore"):
-        inverse = 1.0 / nearest
-    ends = _run_ends(depth, columns, rows)
-    # The displacement of a measurable surface is at most this.
-    steps = np.arange(1, int(np.ceil(reach / intrinsics.near)) + 1)
-    explained = np.zeros(len(p_C), dtype=bool)
-    for z in (p_C[:, 2], ends):
-        start = projector_displacement(z, intrinsics.focal_x, baseline)
-        expected = (np.abs(start)[:, None] + steps) / reach
-        for side in (1, -1):
-            at = columns[:, None] + side * steps
-            inside = (at >= 0) & (at < intrinsics.width)
-            found = inverse[rows[:, None], np.clip(at, 0, intrinsics.width - 1)]
-            off = np.abs(found - expected) * reach
-            with np.errstate(invalid="ignore"):  # 0 * inf: a hole in a run without an end.
-                nearer = found * (z[:, None] - parameters.shadow_step) > 1.0
-            explained |= (inside & nearer & (off <= parameters.shadow_slack)).any(axis=1)
-    return explained
-
-
-def _run_ends(
-    depth: Array, columns: npt.NDArray[np.int64], rows: npt.NDArray[np.int64]
-) -> npt.NDArray[np.float64]:
-    """Returns the larger depth (N,) at the ends of the rows' blank runs [m]; inf if none."""
-    width = depth.shape[1]
-    lines, line_of = np.unique(rows, return_inverse=True)
-    some = depth[lines]
-    places = np.where(some > 0, np.arange(width), -1)
-    left = np.maximum.accumulate(places, axis=1)[line_of, columns]
-    places = np.where(some > 0, np.arange(width), width)
-    right = np.minimum.accumulate(places[:, ::-1], axis=1)[:, ::-1][line_of, columns]
-    far = np.zeros(len(columns))
-    for end, valid in ((left, left >= 0), (right, right < width)):
-        z = some[line_of, np.clip(end, 0, width - 1)]
-        far = np.where(valid, np.maximum(far, z), far)
-    return np.where(far > 0.0, far, np.inf)
 
 
 def learn_dropouts(

@@ -25,6 +25,7 @@ from pepper_drake.perception.mapping.near_field_occlusion import (
     unexplained_holes,
 )
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
+from pepper_drake.perception.mapping.projector_shadow import projector_sides
 from pepper_drake.perception.mapping.solids import ExcludedSolids, Solid, near_solids
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters
 from pepper_drake.short_repr import short_repr, short_signature
@@ -109,8 +110,9 @@ def update_tracker(
             view.intrinsics,
             view.X_WC,
             table,
-            parameters.near_field,
-            parameters.holes,
+            baseline=parameters.projector_baseline,
+            parameters=parameters.near_field,
+            hole_parameters=parameters.holes,
         )
         near_points = occluded_points(
             behind,
@@ -122,6 +124,7 @@ def update_tracker(
             table,
             holes=unexplained,
             baseline=parameters.projector_baseline,
+            sides=projector_sides(holes, parameters.holes),
             parameters=parameters.near_field,
             hole_parameters=parameters.holes,
         )
@@ -217,6 +220,7 @@ def reset_while_driving(
         view.depth,
         view.intrinsics,
         view.X_WC,
+        baseline=parameters.projector_baseline,
         parameters=parameters.near_field,
         hole_parameters=parameters.holes,
     )

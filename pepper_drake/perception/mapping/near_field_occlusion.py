@@ -20,9 +20,13 @@ from pepper_drake.perception.mapping.depth_holes import (
     HoleMemory,
     HoleParameters,
     blank_pixels,
-    in_measured_shadow,
     learn_blindness,
     learn_dropouts,
+)
+from pepper_drake.perception.mapping.projector_shadow import (
+    BOTH_SIDES,
+    in_measured_shadow,
+    learn_projector_side,
 )
 from pepper_drake.perception.mapping.solids import ExcludedSolids
 from pepper_drake.perception.mapping.voxel_map import voxel_keys
@@ -122,6 +126,8 @@ def unexplained_holes(
     intrinsics: CameraIntrinsics,
     X_WC: RigidTransform,
     table: float = -np.inf,
+    *,
+    baseline: float = 0.0,
     parameters: NearFieldParameters = DEFAULT_NEAR_FIELD,
     hole_parameters: HoleParameters = DEFAULT_HOLES,
 ) -> tuple[HoleMemory, Mask]:
@@ -134,6 +140,7 @@ def unexplained_holes(
         intrinsics: The camera.
         X_WC: Its pose when the image was taken.
         table: Height of the table on which objects stand, in W [m].
+        baseline: Distance of the camera from its projector [m]; 0 without a projector.
         parameters: Parameters of the expected image.
         hole_parameters: Parameters of explaining holes.
 
@@ -142,6 +149,7 @@ def unexplained_holes(
     """
     _, expected = _expected(behind, intrinsics, X_WC, table, parameters)
     memory = learn_blindness(memory, depth, expected, intrinsics, X_WC, hole_parameters)
+    memory = learn_projector_side(memory, depth, intrinsics, baseline, hole_parameters)
     blank = blank_pixels(depth, memory.blind_pixels(hole_parameters))
     memory, explained = learn_dropouts(memory, depth, blank, intrinsics, X_WC, hole_parameters)
     return memory, blank & ~explained
@@ -158,6 +166,7 @@ def occluded_points(
     *,
     holes: Mask | None = None,
     baseline: float = 0.0,
+    sides: tuple[int, ...] = BOTH_SIDES,
     parameters: NearFieldParameters = DEFAULT_NEAR_FIELD,
     hole_parameters: HoleParameters = DEFAULT_HOLES,
 ) -> npt.NDArray[np.float64]:
@@ -174,6 +183,7 @@ def occluded_points(
         table: Height of the table on which objects stand, in W [m].
         holes: From `unexplained_holes`; all holes of the image if omitted.
         baseline: Distance of the camera from its projector [m]; 0 without a projector.
+        sides: Sides of the camera on which the projector may be, from `projector_sides`.
         parameters: Parameters of inferred obstacles.
         hole_parameters: Parameters of shadows.
 
@@ -189,7 +199,10 @@ def occluded_points(
     squares = columns[hidden] // _PITCH + (rows[hidden] // _PITCH) * intrinsics.width
     ahead = ahead[hidden][np.unique(squares, return_index=True)[1]]
     if len(ahead) >= parameters.least_rays:
-        ahead = ahead[~in_measured_shadow(ahead, depth, intrinsics, baseline, hole_parameters)]
+        shadow = in_measured_shadow(
+            ahead, depth, intrinsics, baseline, hole_parameters, sides=sides
+        )
+        ahead = ahead[~shadow]
     depths = np.arange(parameters.nearest, intrinsics.near + parameters.margin, _STEP)
     R_WC, p_WC = X_WC.rotation().matrix(), X_WC.translation()
     near = np.asarray(known[np.sum((known - p_WC) ** 2, axis=1) < (2 * intrinsics.near) ** 2])
@@ -202,8 +215,8 @@ def occluded_points(
         )
         if len(some)
     ]
-    # Rays from the camera, and from the projector on either side.
-    for origin in (0.0,) if baseline == 0.0 else (0.0, baseline, -baseline):
+    # Rays from the camera, and from where the projector may be.
+    for origin in (0.0,) if baseline == 0.0 else (0.0, *(side * baseline for side in sides)):
         if len(ahead) < parameters.least_rays:
             return nothing
         p_CO = np.array([origin, 0.0, 0.0])

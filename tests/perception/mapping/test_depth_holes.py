@@ -4,19 +4,16 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, pixel_rays
-from pepper_drake.perception.cameras.structured_light import projector_shadow
 from pepper_drake.perception.mapping.depth_holes import (
     HoleMemory,
     blank_pixels,
     border_band,
-    in_measured_shadow,
     learn_blindness,
     learn_dropouts,
 )
 
 CAMERA = CAMERA_DEPTH.intrinsics
 SHAPE = (CAMERA.height, CAMERA.width)
-BASELINE = 0.075
 HOME = RigidTransform()  # Looks along +z at a wall.
 ROWS, COLUMNS = np.indices(SHAPE)
 EVERYWHERE = (COLUMNS[3::6, 3::6].ravel(), ROWS[3::6, 3::6].ravel())
@@ -123,49 +120,6 @@ def test_an_arm_that_covers_most_of_the_image_is_no_blind_pixel_until_the_camera
     for yaw in np.linspace(0.0, 0.5, 6):
         memory = look(memory, depth, turned(yaw))
     assert not memory.blind_pixels()[100:200, 150:250].any()
-
-
-@pytest.mark.parametrize("baseline", [BASELINE, -BASELINE])
-@pytest.mark.parametrize("width", [8, 60])
-@pytest.mark.parametrize("near", [0.45, 0.7])
-def test_the_projectors_shadow_is_explained_whatever_its_side(baseline, width, near):
-    depth = wall()
-    depth[50:200, 150 : 150 + width] = near
-    shadow = projector_shadow(depth, CAMERA, baseline)
-    assert shadow.sum() > 500
-    depth[shadow] = 0
-    hidden = places(shadow & blank_pixels(depth))
-    assert len(hidden) > 4
-    assert in_measured_shadow(hidden, depth, CAMERA, BASELINE).mean() > 0.95
-    assert not in_measured_shadow(hidden, depth, CAMERA, 0.0).any()
-
-
-def test_the_shadow_is_explained_where_the_surface_in_it_was_never_seen():
-    depth = wall(0.9)
-    depth[50:200, 150:190] = 0.5
-    shadow = projector_shadow(depth, CAMERA, BASELINE)
-    depth[shadow] = 0
-    # Of what is behind, only the floor farther away is known.
-    hidden = places(shadow & blank_pixels(depth), z=1.6)
-    assert in_measured_shadow(hidden, depth, CAMERA, BASELINE).mean() > 0.9
-
-
-def test_a_hole_beside_a_thing_is_no_shadow_where_it_is_too_wide_for_one():
-    depth = wall()
-    depth[50:200, 200:260] = 0.7
-    depth[100:160, 60:200] = 0
-    hole = np.zeros(SHAPE, dtype=bool)
-    hole[103:157, 63:180] = True
-    explained = in_measured_shadow(places(hole), depth, CAMERA, BASELINE)
-    # f b (1/0.7 - 1/1.2) = 13 pixels of 140.
-    assert explained.mean() < 0.15
-
-
-def test_a_hole_with_nothing_near_is_no_shadow():
-    depth = wall()
-    ball = disc((0.05, 0.02, 0.3), 0.04)
-    depth[ball] = 0
-    assert not in_measured_shadow(places(ball), depth, CAMERA, BASELINE).any()
 
 
 def explained(memory, depth, X_WC):
