@@ -18,12 +18,14 @@ from tests.planning.reach.scripted_planner import TIMING, ScriptedPlanner, Super
 
 PARAMS = SteadinessParams()
 PERIOD = 0.05
+GRID = np.stack(np.meshgrid(*[np.arange(6) * 0.02] * 3), axis=-1).reshape(-1, 3)
 
 
-def observed(seconds, *, goal=lambda k: 0.0, base=lambda k: 0.0, cloud=lambda k: 0.0):
+def observed(
+    seconds, *, goal=lambda k: 0.0, base=lambda k: 0.0, cloud=lambda k: 0.0, still=GRID[:0]
+):
     """Steadiness after a time in which signals are shifted along x as functions of the step [m]."""
     first = Supervised().seen
-    grid = np.stack(np.meshgrid(*[np.arange(6) * 0.02] * 3), axis=-1).reshape(-1, 3)
     steadiness = Steadiness()
     for k in range(round(seconds / PERIOD)):
         ahead = np.array([1.0, 0.0, 0.0])
@@ -32,7 +34,7 @@ def observed(seconds, *, goal=lambda k: 0.0, base=lambda k: 0.0, cloud=lambda k:
             time=k * PERIOD,
             X_WO=RigidTransform(first.p_WO + goal(k) * ahead),
             base_pose=first.base_pose + base(k) * ahead,
-            cloud=grid + cloud(k),
+            cloud=np.concatenate((still, GRID + cloud(k))),
             cloud_time=0.2 * (k // 4),
         )
         steadiness = steadiness.advanced(observation, PARAMS)
@@ -67,6 +69,13 @@ def test_a_goal_that_is_moved_once_is_steady():
 
 def test_a_goal_that_is_carried_is_steady():
     assert observed(4.0, goal=lambda k: 0.3 * PERIOD * k).complaint(PARAMS) is None
+
+
+def test_an_obstacle_that_moves_may_be_most_of_the_cloud_but_not_all():
+    carried = {"cloud": lambda k: 0.05 * (k // 4)}
+    assert observed(4.0, **carried).complaint(PARAMS)[0] == "cloud_unsteady"
+    third = GRID[: len(GRID) // 2] - [0.5, 0.0, 0.0]
+    assert observed(4.0, **carried, still=third).complaint(PARAMS) is None
 
 
 def test_a_reach_ends_when_the_goal_jumps_about():
