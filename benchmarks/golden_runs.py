@@ -4,8 +4,9 @@
     python benchmarks/golden_runs.py --compare benchmarks/golden_runs.json
 
 Five shipped scenes, 20 random and 20 moving ones: outcome, reason, least clearance, final error,
-and a hash of all joint commands. A refactoring changes none of them; each difference is printed.
-The hash depends on the processor: a difference of it alone does not fail the comparison.
+simulated time, and a hash of all joint commands. A refactoring changes none of them; each
+difference is printed. The hash depends on the processor: a difference of it alone does not fail
+the comparison.
 """
 
 import argparse
@@ -25,26 +26,28 @@ from pepper_drake.scenario import build_reaching
 
 SCENES = ("table", "shelf", "clutter", "free", "teach")
 SEEDS = range(20)
-TOLERANCE = 1e-3
-"""Tolerance of clearances and errors [m]."""
+TOLERANCES = {"minimum_clearance": 1e-3, "final_position_error": 1e-3, "simulated_seconds": 0.5}
+"""Tolerances of clearances and errors [m], and of times [s]."""
 
 
 @dataclass(frozen=True)
 class GoldenRun:
-    """One reach: clearance and error in [m], the hash of the joint commands."""
+    """One reach: clearance and error in [m], time in [s], the hash of the joint commands."""
 
     outcome: str
     reason: str | None
     minimum_clearance: float
     final_position_error: float
+    simulated_seconds: float
     command_hash: str
 
     def differences(self, other: "GoldenRun") -> list[str]:
-        """Names the fields in which the other run differs by more than the tolerance."""
+        """Names the fields in which the other run differs by more than their tolerance."""
         changed = []
         for name, mine in asdict(self).items():
             theirs = getattr(other, name)
-            same = abs(mine - theirs) < TOLERANCE if isinstance(mine, float) else mine == theirs
+            limit = TOLERANCES.get(name)
+            same = mine == theirs if limit is None else abs(mine - theirs) < limit
             if not same:
                 changed.append(f"{name}: {mine} -> {theirs}")
         return changed
@@ -67,6 +70,7 @@ def run(case: Case) -> GoldenRun:
         reason=report.reason,
         minimum_clearance=float(report.minimum_clearance or 0.0),
         final_position_error=float(report.final_position_error or 0.0),
+        simulated_seconds=float(report.simulated_seconds),
         command_hash=hashlib.sha256(commands.tobytes()).hexdigest()[:16],
     )
 
@@ -95,7 +99,7 @@ def main() -> int:
         if lines:
             print(f"{name}: " + "; ".join(lines))
     outcomes = sum(any(not line.startswith("command_hash") for line in c) for c in changed.values())
-    print(f"{len(results)} runs, {outcomes} with another outcome, clearance or error")
+    print(f"{len(results)} runs, {outcomes} with another outcome, clearance, error or time")
     return int(outcomes > 0)
 
 

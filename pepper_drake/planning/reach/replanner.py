@@ -118,7 +118,13 @@ class ReachReplanner:
         if space is None or not near.any():
             return np.zeros((0, 3))
         cloud = observation.cloud[near]
-        hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.fewest)
+        # What carries the goal object stands, though nothing may be below its edges.
+        above_foot = cloud - observation.p_WO
+        carries = np.abs(above_foot[:, 2]) < params.hanging_gap
+        carries &= np.linalg.norm(above_foot[:, :2], axis=1) < params.carries_within
+        hangs = space.hanging(
+            cloud, params.hanging_gap, params.hanging_above, params.fewest, carries
+        )
         return cloud[hangs]
 
     def _retreat_separation(

@@ -73,6 +73,8 @@ class NewObstacleParams:
     """Height of free space below an object that hangs in the air, and so may move [m]."""
     hanging_gap: float = 0.03
     """Largest distance between neighbouring points of such an object [m]."""
+    carries_within: float = 0.12
+    """Distance from the goal object's foot within which points at its height carry it [m]."""
     left_within: float = 0.2
     """Time within which a retreat must gain distance from new points to keep its full speed [s]: an
     image's period."""
