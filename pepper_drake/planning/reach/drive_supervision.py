@@ -9,12 +9,10 @@ from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
-from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
+from pepper_drake.planning.reach.reach_state import NOWHERE, Effect, Pending, ReachState
 
 ROUNDING = 1e-9
 """Tolerance of times [s]."""
-NOWHERE = (np.nan, np.nan, np.nan)
-"""Gaze target that means "none"."""
 
 
 class DriveSupervision:
@@ -65,7 +63,9 @@ class DriveSupervision:
         if not self._planner.params.unseen.drive or observation.cloud_time == state.cloud_time:
             return state
         x, y, z = self._planner.look_along_drive(self._without_predictions())
-        return replace(state, cloud_time=observation.cloud_time, look_at=(x, y, z))
+        due = self._time + self._timing.latency.drive
+        looking = state.later(Pending(due, Effect.LOOK, look_at=(x, y, z)))
+        return replace(looking, cloud_time=observation.cloud_time)
 
     def _check_drive(self, state: ReachState, placement: ReachPlan) -> ReachState:
         """Checks with each new cloud whether all space swept by the drive has been seen."""

@@ -15,6 +15,8 @@ from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.reach.steadiness import Steadiness
 from pepper_drake.short_repr import short_repr
 
+NOWHERE = (np.nan, np.nan, np.nan)
+"""Gaze target or base pose that means "none"."""
 RESTS = (ReachMode.IDLE, ReachMode.DONE, ReachMode.FAILED)
 """Modes in which the supervisor does nothing."""
 
@@ -24,6 +26,8 @@ class Effect(Enum):
 
     BRAKE = "brake"
     """The arm brakes within its acceleration limits and holds still."""
+    LOOK = "look"
+    """The head looks at a place, unless the base placement is known by then."""
     PLACEMENT = "placement"
     """The base drives to the planned base placement, or the reach fails."""
     CHECK = "check"
@@ -44,6 +48,7 @@ class Pending:
         plan: The resulting plan, if any.
         observation: The observation behind the plan, if it is to be stored.
         suspended_plan: For a retreat, the plan to resume later.
+        look_at: The place at which to look (3,) in W [m].
     """
 
     due: float
@@ -51,6 +56,7 @@ class Pending:
     plan: ReachPlan | None = None
     observation: Observation | None = None
     suspended_plan: ReachPlan | None = None
+    look_at: tuple[float, float, float] = NOWHERE
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +137,7 @@ class ReachState:
     waited: float = 0.0
     blind: float = 0.0
     may_drive: bool = True
-    look_at: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    look_at: tuple[float, float, float] = NOWHERE
     steadiness: Steadiness = field(default_factory=Steadiness)
     pending: tuple[Pending, ...] = ()
 
@@ -222,13 +228,12 @@ class ReachState:
 
     def fail(self, time: float, reason: str, message: str) -> "ReachState":
         """Returns the final state of a failure with its name and sentence; the base stays."""
-        nowhere = (np.nan, np.nan, np.nan)
         return replace(
             self.to(ReachMode.FAILED, time),
             reason=reason,
             message=message,
-            base_pose_wanted=nowhere,
-            look_at=nowhere,
+            base_pose_wanted=NOWHERE,
+            look_at=NOWHERE,
             pending=(),
         )
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from pepper_drake.planning.reach.drive_supervision import NOWHERE, ROUNDING, DriveSupervision
+from pepper_drake.planning.reach.drive_supervision import ROUNDING, DriveSupervision
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
-from pepper_drake.planning.reach.reach_state import RESTS, Effect, Pending, ReachState
+from pepper_drake.planning.reach.reach_state import NOWHERE, RESTS, Effect, Pending, ReachState
 from pepper_drake.planning.reach.replanner import ReachReplanner
 from pepper_drake.planning.reach.separation import changed_speed, speed_share
 from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
@@ -105,6 +105,9 @@ class _Supervision(DriveSupervision):
         if result.effect == Effect.START:
             starting = state.to(ReachMode.REACHING, time)
             return replace(starting, movements=1, started=time, look_at=NOWHERE)
+        if result.effect == Effect.LOOK:
+            is_late = state.mode != ReachMode.LOOKING or state.placement is not None
+            return state if is_late else replace(state, look_at=result.look_at)
         assert plan is not None
         if plan.status == PlanStatus.CLEAR or result.effect == Effect.MOVEMENT:
             # Only a base placement must be near the goal; later the goal may have moved away.

@@ -31,15 +31,17 @@ def test_what_the_robot_would_pass_on_its_drive_is_looked_at_first():
 def test_while_it_plans_where_to_stand_it_looks_along_the_likely_drive(drive):
     way = np.array([0.5, 0.1, 0.4])
     params = ReachPlannerParams(unseen=UnseenSpaceParams(drive=drive))
-    one = Supervised(ScriptedPlanner(params=params, way=way)).advance(TIMING.looking + 0.1)
+    one = Supervised(ScriptedPlanner(params=params, way=way)).advance(TIMING.looking + 0.05)
     assert one.state.is_planning
+    assert np.isnan(one.state.look_at).all()  # Where to look takes time to find, too.
+    one.advance(TIMING.latency.drive)
     assert np.array_equal(one.state.look_at, way) == drive
     one.planner.way = np.full(3, np.nan)
-    one.look()
+    one.look().advance(TIMING.latency.drive)
     assert np.isnan(one.state.look_at).all()
     # Between two images nothing changes.
     one.planner.asked.clear()
-    one.advance(0.1)
+    one.advance(0.05)
     assert one.state.is_planning
     assert not one.planner.asked
 

@@ -104,7 +104,7 @@ def test_a_cloud_that_is_old_before_the_start_is_no_reason_to_go():
     one = Supervised()
     one.image_time = 0.0
     one.advance(TIMING.looking + STEP)  # Fresh enough just then, and then no more.
-    assert one.planner.questions()[0] == "plan_base_placement"
+    assert one.planner.questions() == ["plan_base_placement", "look_along_drive"]
     late = Supervised()
     late.image_time = -0.1
     late.advance(1.0)
