@@ -11,7 +11,6 @@ import typing
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, fields
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +40,7 @@ from pepper_drake.planning.reach.planner_registry import DEFAULT_PLANNER, get_pl
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
 from pepper_drake.planning.reach.task_sequence import SequenceTask
 from pepper_drake.planning.safety.contact_detection import ContactParams
+from pepper_drake.scenario_ranges import check_ranges
 from pepper_drake.systems.faults.fault import parse_faults
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.guiding.external_force import ForcePulse
@@ -59,66 +59,6 @@ NUMBERS = (
     "barrier",
 )
 """Fields of a scenario with parameters of the loop, independent of scene and task."""
-_POSITIVE = (
-    "compliance.stiffness",
-    "contact.angle",
-    "controller.angular_velocity_limit",
-    "controller.catch_up_steps",
-    "controller.linear_velocity_limit",
-    "controller.speed_fraction",
-    "controller.target_time_constant",
-    "controller.time_step",
-    "controller.tracking_rate",
-    "perception.marker.edges.blurred_growth",
-    *(
-        f"perception.{camera}.{views}.most_views"
-        for camera in ("obstacles", "stereo_obstacles")
-        for views in ("memory", "approach")
-    ),
-    *(
-        f"planner.{name}"
-        for name in (
-            "adaptation.acceleration_share",
-            "adaptation.candidates",
-            "adaptation.cost.arriving",
-            "adaptation.cost.deviation",
-            "adaptation.cost.leaving",
-            "adaptation.goals_kept",
-            "adaptation.planner.resolution",
-            "adaptation.planner.step",
-            "adaptation.posture",
-            "adaptation.search.generations",
-            "adaptation.search.perturbation_basis",
-            "adaptation.speed_share",
-            "adaptation.starts",
-            "adaptation.turn",
-            "support_surface.spacing",
-            "support_surface.stripe",
-            "unseen.cell",
-            "unseen.stride",
-        )
-    ),
-    "supervisor.separation.deceleration",
-    "supervisor.separation.slowing",
-    "supervisor.time_step",
-)
-"""Fields that must be positive: divisors and counts."""
-_LEAST = {
-    "contact.steps": 1,
-    "planner.adaptation.samples": 10,
-    "planner.adaptation.search.population": 4,
-    "controller.orientation_weight": 0,
-    "controller.position_weight": 0,
-    "planner.retreat.lost": 0,
-    "planner.settle": 0,
-    "planner.solid_depth": 0,
-    "planner.support_surface.rim": 0,
-    "supervisor.latency.base_placement": 0,
-    "supervisor.latency.check": 0,
-    "supervisor.latency.drive": 0,
-    "supervisor.latency.plan": 0,
-}
-"""Least values of some fields."""
 _MOVED_IN_APPROACH = {
     "visit": "transient_timeout",
     "onward": "extrapolated",
@@ -300,7 +240,7 @@ class Scenario:
             self.station.stereo_pair.matching,
         ):
             checked.check()
-        _check_ranges(self)
+        check_ranges(self)
         if self.push and len(self.push) != 3:
             raise InputError(f"push has {len(self.push)} numbers; give three, or none")
         _check_tasks(self.tasks)
@@ -364,29 +304,6 @@ def use_method(scenario: Scenario, method: str) -> None:
     scenario.learning = (
         LearningParams("lwr", 40, "goal", "angles") if is_report else LearningParams()
     )
-
-
-def _check_ranges(scenario: Scenario) -> None:
-    """Raises InputError for a field of `_POSITIVE`, `_LEAST` or a pair that is out of range."""
-    for name in _POSITIVE:
-        value = attrgetter(name)(scenario)
-        if not value > 0:
-            raise InputError(f"{name} is {value:g}; it must be positive")
-    for name, least in _LEAST.items():
-        value = attrgetter(name)(scenario)
-        if value < least:
-            raise InputError(f"{name} is {value:g}; it must be {least} or more")
-    ik = scenario.controller
-    if not ik.limit_margin < ik.limit_influence:
-        raise InputError(
-            f"controller.limit_influence is {ik.limit_influence:g} rad; it must be greater than "
-            f"controller.limit_margin, {ik.limit_margin:g} rad"
-        )
-    stiffness, rest = scenario.compliance.stiffness, scenario.planner.rest_share
-    if stiffness > 1.0:
-        raise InputError(f"compliance.stiffness is {stiffness:g}; it must be above 0 and at most 1")
-    if not 0.0 <= rest < 1.0:
-        raise InputError(f"planner.rest_share is {rest:g}; it must be at least 0 and below 1")
 
 
 def movement_and_config(

@@ -17,6 +17,7 @@ FLOORS = (
     ("cli",),
     ("cli_scene", "cli_robot", "cli_demonstration"),
     ("diagrams",),
+    ("scenario_ranges",),
     ("scenario",),
     ("robot_server", "evaluation", "cli_scenario"),
     ("hardware",),

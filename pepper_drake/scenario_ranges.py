@@ -1,0 +1,94 @@
+"""Ranges of a scenario's fields that no type says: divisors, counts, fractions."""
+
+from operator import attrgetter
+from typing import Any
+
+from pepper_drake.errors import InputError
+
+_POSITIVE = (
+    "compliance.stiffness",
+    "contact.angle",
+    "controller.angular_velocity_limit",
+    "controller.catch_up_steps",
+    "controller.linear_velocity_limit",
+    "controller.speed_fraction",
+    "controller.target_time_constant",
+    "controller.time_step",
+    "controller.tracking_rate",
+    "perception.marker.edges.blurred_growth",
+    *(
+        f"perception.{camera}.{views}.most_views"
+        for camera in ("obstacles", "stereo_obstacles")
+        for views in ("memory", "approach")
+    ),
+    *(
+        f"planner.{name}"
+        for name in (
+            "adaptation.acceleration_share",
+            "adaptation.candidates",
+            "adaptation.cost.arriving",
+            "adaptation.cost.deviation",
+            "adaptation.cost.leaving",
+            "adaptation.goals_kept",
+            "adaptation.planner.resolution",
+            "adaptation.planner.step",
+            "adaptation.posture",
+            "adaptation.search.generations",
+            "adaptation.search.perturbation_basis",
+            "adaptation.speed_share",
+            "adaptation.starts",
+            "adaptation.turn",
+            "support_surface.spacing",
+            "support_surface.stripe",
+            "unseen.cell",
+            "unseen.stride",
+        )
+    ),
+    "supervisor.separation.deceleration",
+    "supervisor.separation.slowing",
+    "supervisor.time_step",
+)
+"""Fields that must be positive: divisors and counts."""
+_LEAST = {
+    "contact.steps": 1,
+    "planner.adaptation.samples": 10,
+    "planner.adaptation.search.population": 4,
+    "controller.orientation_weight": 0,
+    "controller.position_weight": 0,
+    "planner.retreat.lost": 0,
+    "planner.settle": 0,
+    "planner.solid_depth": 0,
+    "planner.support_surface.rim": 0,
+    "supervisor.latency.base_placement": 0,
+    "supervisor.latency.check": 0,
+    "supervisor.latency.drive": 0,
+    "supervisor.latency.plan": 0,
+}
+"""Least values of some fields."""
+
+
+def check_ranges(scenario: Any) -> None:
+    """Checks a `Scenario`.
+
+    Raises:
+        InputError: A field is out of its range, or a pair of fields in the wrong order.
+    """
+    for name in _POSITIVE:
+        value = attrgetter(name)(scenario)
+        if not value > 0:
+            raise InputError(f"{name} is {value:g}; it must be positive")
+    for name, least in _LEAST.items():
+        value = attrgetter(name)(scenario)
+        if value < least:
+            raise InputError(f"{name} is {value:g}; it must be {least} or more")
+    ik = scenario.controller
+    if not ik.limit_margin < ik.limit_influence:
+        raise InputError(
+            f"controller.limit_influence is {ik.limit_influence:g} rad; it must be greater than "
+            f"controller.limit_margin, {ik.limit_margin:g} rad"
+        )
+    stiffness, rest = scenario.compliance.stiffness, scenario.planner.rest_share
+    if stiffness > 1.0:
+        raise InputError(f"compliance.stiffness is {stiffness:g}; it must be above 0 and at most 1")
+    if not 0.0 <= rest < 1.0:
+        raise InputError(f"planner.rest_share is {rest:g}; it must be at least 0 and below 1")
