@@ -20,16 +20,13 @@ def shown_lines(page):
 def is_as_shown(shown, printed):
     """Tells whether a line is printed as shown: the same words, numbers alike.
 
-    Times in ms are the machine's, and not compared. Errors may differ by 1 mm.
+    Times in ms are the machine's, and not compared.
     """
     if NUMBER.sub("#", shown).split() != NUMBER.sub("#", printed).split():
         return False
     pairs = zip(NUMBER.finditer(shown), NUMBER.findall(printed), strict=True)
     return all(
-        is_like(one[0], other)
-        or shown[one.end() :].startswith(" ms")
-        or (re.match(r" mm\b", shown[one.end() :]) and abs(float(one[0]) - float(other)) <= 1.0)
-        for one, other in pairs
+        is_like(one[0], other) or shown[one.end() :].startswith(" ms") for one, other in pairs
     )
 
 

@@ -251,6 +251,7 @@ def reach_and_push(folder, *options, delay=0.0, pictures=True):
             planner = self.reaching.planner
             for name in (
                 "plan_base_placement",
+                "look_along_drive",
                 "check_reach",
                 "remaining_clearance",
                 "stale_space",
