@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, pixel_rays
 from pepper_drake.perception.mapping.depth_holes import (
     HoleMemory,
     blank_pixels,
@@ -11,33 +10,14 @@ from pepper_drake.perception.mapping.depth_holes import (
     learn_blindness,
     learn_dropouts,
 )
+from tests.perception.mapping.wall_images import CAMERA, COLUMNS, ROWS, SHAPE, disc, wall
 
-CAMERA = CAMERA_DEPTH.intrinsics
-SHAPE = (CAMERA.height, CAMERA.width)
 HOME = RigidTransform()  # Looks along +z at a wall.
-ROWS, COLUMNS = np.indices(SHAPE)
 EVERYWHERE = (COLUMNS[3::6, 3::6].ravel(), ROWS[3::6, 3::6].ravel())
-
-
-def wall(z=1.2):
-    return np.full(SHAPE, z, np.float32)
 
 
 def turned(yaw, p=(0.0, 0.0, 0.0)):
     return RigidTransform(RollPitchYaw(0, yaw, 0), np.array(p))
-
-
-def disc(p_C, radius):
-    """Pixels of a ball at a place in the camera frame."""
-    u, v = CAMERA.project(np.array(p_C))
-    r = radius / p_C[2] * CAMERA.focal_x
-    return (COLUMNS - u) ** 2 + (ROWS - v) ** 2 < r**2
-
-
-def places(mask, z=1.2):
-    """The middle of squares of a mask's pixels, on a wall (N, 3) [m]."""
-    rays = pixel_rays(CAMERA)[3::6, 3::6].reshape(-1, 3)
-    return (z * rays)[mask[3::6, 3::6].ravel()]
 
 
 @pytest.mark.parametrize("side", ["left", "right", "top", "bottom"])

@@ -3,7 +3,6 @@ import pytest
 from pydrake.geometry import Box
 from pydrake.math import RigidTransform
 
-from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, pixel_rays
 from pepper_drake.perception.cameras.structured_light import projector_shadow
 from pepper_drake.perception.mapping.depth_holes import HoleMemory, blank_pixels
 from pepper_drake.perception.mapping.near_field_occlusion import (
@@ -17,30 +16,11 @@ from pepper_drake.perception.mapping.projector_shadow import (
     projector_sides,
 )
 from pepper_drake.perception.mapping.solids import ExcludedSolids, Solid
+from tests.perception.mapping.wall_images import CAMERA, SHAPE, disc, places, wall
 
-CAMERA = CAMERA_DEPTH.intrinsics
-SHAPE = (CAMERA.height, CAMERA.width)
 BASELINE = 0.075
 X_WC = RigidTransform()  # Looks along +z at a wall.
 NOTHING = np.zeros((0, 3))
-ROWS, COLUMNS = np.indices(SHAPE)
-
-
-def wall(z=1.2):
-    return np.full(SHAPE, z, np.float32)
-
-
-def disc(p_C, radius):
-    """Pixels of a ball at a place in the camera frame."""
-    u, v = CAMERA.project(np.array(p_C))
-    r = radius / p_C[2] * CAMERA.focal_x
-    return (COLUMNS - u) ** 2 + (ROWS - v) ** 2 < r**2
-
-
-def places(mask, z=1.2):
-    """The middle of squares of a mask's pixels, on a wall (N, 3) [m]."""
-    rays = pixel_rays(CAMERA)[3::6, 3::6].reshape(-1, 3)
-    return (z * rays)[mask[3::6, 3::6].ravel()]
 
 
 @pytest.mark.parametrize("baseline", [BASELINE, -BASELINE])
