@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import importlib.util
 import logging
 import os
 import re
@@ -42,7 +43,12 @@ def as_run(text: str) -> str:
     Args:
         text: Text that names them as scripts.
     """
-    return _SCRIPT.sub(rf"{_COMMAND}\1", text) if sys.argv[0].startswith(_COMMAND) else text
+
+    def named(script: re.Match[str]) -> str:
+        is_app = importlib.util.find_spec(f"pepper_drake.apps.{script[1]}") is not None
+        return _COMMAND + script[1] if is_app else script[0]
+
+    return _SCRIPT.sub(named, text) if sys.argv[0].startswith(_COMMAND) else text
 
 
 class OneLineParser(argparse.ArgumentParser):

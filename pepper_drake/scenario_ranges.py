@@ -44,17 +44,31 @@ _POSITIVE = (
             "unseen.stride",
         )
     ),
+    "safety.lean.acceleration",
+    "safety.lean.speed",
+    "safety.lean.tolerance",
     "supervisor.separation.deceleration",
     "supervisor.separation.slowing",
     "supervisor.time_step",
 )
 """Fields that must be positive: divisors and counts."""
+_FRACTIONS = (
+    "planner.lean.image_border",
+    "planner.rest_share",
+    "planner.unseen.image_border",
+    "supervisor.steadiness.cloud_quantile",
+)
+"""Fields that must be at least 0 and below 1."""
 _LEAST = {
     "contact.steps": 1,
+    "perception.obstacles.holes.side_rows": 1,
+    "perception.stereo_obstacles.holes.side_rows": 1,
     "planner.adaptation.samples": 10,
     "planner.adaptation.search.population": 4,
     "controller.orientation_weight": 0,
     "controller.position_weight": 0,
+    "planner.new_obstacle.carrier_depth": 0,
+    "planner.new_obstacle.carrier_near": 0,
     "planner.retreat.lost": 0,
     "planner.settle": 0,
     "planner.solid_depth": 0,
@@ -87,8 +101,10 @@ def check_ranges(scenario: Any) -> None:
             f"controller.limit_influence is {ik.limit_influence:g} rad; it must be greater than "
             f"controller.limit_margin, {ik.limit_margin:g} rad"
         )
-    stiffness, rest = scenario.compliance.stiffness, scenario.planner.rest_share
+    for name in _FRACTIONS:
+        value = attrgetter(name)(scenario)
+        if not 0.0 <= value < 1.0:
+            raise InputError(f"{name} is {value:g}; it must be at least 0 and below 1")
+    stiffness = scenario.compliance.stiffness
     if stiffness > 1.0:
         raise InputError(f"compliance.stiffness is {stiffness:g}; it must be above 0 and at most 1")
-    if not 0.0 <= rest < 1.0:
-        raise InputError(f"planner.rest_share is {rest:g}; it must be at least 0 and below 1")

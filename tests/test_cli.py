@@ -21,7 +21,10 @@ def test_what_is_no_seed_is_one_line_and_exit_code_2(argument, capsys):
 
 
 def test_apps_are_named_as_they_are_run(monkeypatch):
-    text = "see reach.py --help and apps/play.py: own.py:Mine, examples/robot.py, FILE.py:NAME"
+    text = (
+        "see reach.py --help and apps/play.py: own.py:Mine, examples/robot.py, FILE.py:NAME, "
+        "own.py: no such file; own_cost.py defines no x"
+    )
     assert cli.as_run(text) == text
     monkeypatch.setattr(sys, "argv", ["pepper-drake learn"])
     expected = text.replace("reach.py", "pepper-drake reach").replace(

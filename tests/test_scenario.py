@@ -196,6 +196,10 @@ def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
     [
         ("compliance.stiffness=-3", "must be positive"),
         ("compliance.stiffness=1.5", "at most 1"),
+        ("planner.lean.image_border=1", "below 1"),
+        ("planner.unseen.image_border=1.5", "below 1"),
+        ("safety.lean.speed=0", "must be positive"),
+        ("supervisor.steadiness.cloud_quantile=2", "below 1"),
         ("controller.catch_up_steps=0", "must be positive"),
         ("planner.rest_share=1", "below 1"),
         ("perception.marker.edges.blurred_growth=0", "must be positive"),

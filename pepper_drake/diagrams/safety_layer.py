@@ -170,6 +170,7 @@ class SafetyLayer(Diagram):
                 stop_distance=params.base_clearance,
                 acceleration=params.base.acceleration,
                 turning_acceleration=params.base.turning_acceleration,
+                hip_acceleration=params.lean.acceleration,
                 delay=params.base_delay,
                 slowest_approach=params.slowest_approach,
                 time_step=period,
@@ -191,6 +192,7 @@ class SafetyLayer(Diagram):
         lean = add("torso_lean", TorsoLean(start, params.lean, time_step=control_period))
         connect(builder, driver, lean, arrived="base_arrived")
         connect(builder, lean, merge, "body_command")
+        connect(builder, lean, body_watch, "hip_velocity")
         wanted = faults.tap(
             builder, "commands", {"position": (Role.VALUE, merge.get_output_port())}
         )

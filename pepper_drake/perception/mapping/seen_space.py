@@ -125,14 +125,7 @@ class SeenSpace:
             below = below - [0.0, 0.0, spacing]
         return np.concatenate(hidden) if hidden else np.zeros((0, 3))
 
-    def hanging(
-        self,
-        p_W: Points,
-        gap: float,
-        above: float,
-        least: int,
-        standing: npt.NDArray[np.bool_] | None = None,
-    ) -> npt.NDArray[np.bool_]:
+    def hanging(self, p_W: Points, gap: float, above: float, least: int) -> npt.NDArray[np.bool_]:
         """Tells which seen places (N, 3) are on objects hanging in the air, such as an arm.
 
         Only such objects move by themselves. The space below their lowest visible part was seen to
@@ -143,17 +136,13 @@ class SeenSpace:
             gap: Largest distance of neighbouring points of one object [m].
             above: Height of the free space below the lowest part [m].
             least: Smallest number of points of an object.
-            standing: Mask (N,) of places that are known to stand; none if omitted.
         """
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
         hangs = np.zeros(len(p_W), dtype=bool)
         if not len(p_W):
             return hangs
         labels = thing_labels(p_W, gap)
-        candidates = np.bincount(labels) >= least
-        if standing is not None:
-            candidates[labels[standing]] = False
-        for thing in np.flatnonzero(candidates):
+        for thing in np.flatnonzero(np.bincount(labels) >= least):
             points = p_W[labels == thing]
             lowest = points[points[:, 2] < points[:, 2].min() + gap]
             state, _ = self.states(lowest - [0.0, 0.0, above], 0.0)

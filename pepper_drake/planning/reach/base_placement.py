@@ -105,22 +105,22 @@ class BasePlacement:
         shoulder = self._model.plant.GetJointByName(
             JOINT_GROUPS[f"{self._arm}_arm"][0]
         ).frame_on_parent()
-        # In a frame at the torso's origin that does not lean with it.
-        R_BT = X_BT.rotation()
-        p_TS = R_BT @ shoulder.GetFixedPoseInBodyFrame().translation()
-        preferred = self._preferred_goal(p_TS, R_BT @ self._demonstrated_goal)
+        # U is a frame at the torso's origin that does not lean with it.
+        R_UT = X_BT.rotation()
+        p_US = R_UT @ shoulder.GetFixedPoseInBodyFrame().translation()
+        preferred = self._preferred_goal(p_US, R_UT @ self._demonstrated_goal)
         # The robot faces the direction of the fingers.
         fingers = X_WG.rotation().col(0)
         heading = np.arctan2(fingers[1], fingers[0])
-        z_T = X_WG.translation()[2] - X_BT.translation()[2]
+        z_UG = X_WG.translation()[2] - X_BT.translation()[2]
         ahead = np.array([slack, 0.0, 0.0])
         options = []
         for x in np.arange(0.16, 0.33, 0.02):
             for y in np.arange(0.08, 0.27, 0.04):
-                p_TG = np.array([x, side * y, z_T])
-                if np.linalg.norm(p_TG - p_TS) > params.reach:
+                p_UG = np.array([x, side * y, z_UG])
+                if np.linalg.norm(p_UG - p_US) > params.reach:
                     continue
-                stretched = float(np.linalg.norm(p_TG + ahead - p_TS)) - params.reach
+                stretched = float(np.linalg.norm(p_UG + ahead - p_US)) - params.reach
                 for turn in np.radians([0, -15, 15, -30, 30]):
                     discomfort = (
                         ((x - preferred[0]) / 0.05) ** 2
@@ -130,7 +130,7 @@ class BasePlacement:
                     )
                     options.append((discomfort, x, side * y, heading + turn))
         for _, x, y, yaw in sorted(options):
-            # p_WG = p_WB + R_WB (p_BT + p_TG), in the plane.
+            # p_WG = p_WB + R_WB (p_BU + p_UG), in the plane.
             forward, left = X_BT.translation()[0] + x, X_BT.translation()[1] + y
             yield (
                 X_WG.translation()[0] - np.cos(yaw) * forward + np.sin(yaw) * left,
@@ -138,11 +138,11 @@ class BasePlacement:
                 yaw,
             )
 
-    def _preferred_goal(self, p_TS: Vector, goal: Vector) -> Vector:
+    def _preferred_goal(self, p_US: Vector, p_UG: Vector) -> Vector:
         """Returns x and y (2,) of the demonstration's end, or the default if out of reach [m]."""
         params = self._params
-        if np.linalg.norm(goal - p_TS) <= params.reach + 0.02 and goal[0] > 0.1:
-            return goal[:2]
+        if np.linalg.norm(p_UG - p_US) <= params.reach + 0.02 and p_UG[0] > 0.1:
+            return p_UG[:2]
         side = 1.0 if self._arm == "left" else -1.0
         return np.array([params.hand_x, side * params.hand_y])
 

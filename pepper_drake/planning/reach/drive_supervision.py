@@ -53,9 +53,10 @@ class DriveSupervision:
     def _place_base(self, state: ReachState) -> ReachState:
         if not self._timing.drives:
             return replace(state.to(ReachMode.SETTLING, self._time), arrived=self._time)
+        looking = self._look_ahead_of_drive(state)
         plan = self._planner.plan_base_placement(self._without_predictions())
         due = self._time + self._timing.latency.base_placement
-        return self._look_ahead_of_drive(state.later(Pending(due, Effect.PLACEMENT, plan)))
+        return looking.later(Pending(due, Effect.PLACEMENT, plan))
 
     def _look_ahead_of_drive(self, state: ReachState) -> ReachState:
         """While the base placement is planned, looks along the likely drive with each new cloud."""
@@ -121,7 +122,7 @@ class DriveSupervision:
         elif state.braking:
             state = replace(state, braking=False)
         if time - state.since > self._timing.driving_timeout:
-            message = "the base did not get to where the arm can reach the goal"
+            message = "the robot did not get to where its arm can reach the goal"
             if self._observation.base_blocked:
                 message += ": something stands in its way"
             return self._fail(state, "drive_failed", message)

@@ -4,6 +4,9 @@ from dataclasses import dataclass, field
 
 from pepper_drake.errors import InputError
 
+LEAST_HIP_PITCH, MOST_HIP_PITCH = -0.55, 0.1
+"""Hip angles beyond which the robot is close to falling over [rad]."""
+
 
 @dataclass
 class LeanParams:
@@ -13,16 +16,17 @@ class LeanParams:
     """Hip angles that are tried [rad], in this order; none for a robot that does not lean. Beyond
     -0.35 the leg is in the way of an arm that hangs down."""
     height: float = -0.05
-    """Height in T of the hand's goal below which it counts as low [m]: from many base placements
-    the tablet hides it."""
+    """Height of the hand's goal above the torso's origin below which it counts as low [m]: from
+    many base placements the tablet hides it."""
     image_border: float = 0.25
     """Border, as a fraction of half the image, in which the marker's centre must not be: the whole
     marker must be in the image."""
 
     def check(self) -> None:
         """Raises InputError for a hip angle at which the robot could fall over."""
-        if not all(-0.55 <= angle <= 0.1 for angle in self.hip_pitch):
+        if not all(LEAST_HIP_PITCH <= angle <= MOST_HIP_PITCH for angle in self.hip_pitch):
             raise InputError(
-                f"planner.lean.hip_pitch is {self.hip_pitch}; each angle must be between -0.55 "
-                "rad, where the robot is close to falling over, and 0.1 rad"
+                f"planner.lean.hip_pitch is {self.hip_pitch}; each angle must be between "
+                f"{LEAST_HIP_PITCH:g} and {MOST_HIP_PITCH:g} rad, beyond which the robot is close "
+                "to falling over"
             )

@@ -55,7 +55,7 @@ class LeaningPlacement:
                     continue
                 if leaning is observation:
                     return plan
-                if self.may_lean(plan, observation, leaning):
+                if self.may_lean(plan, observation, leaning.hip_pitch):
                     return replace(plan, hip_pitch=leaning.hip_pitch)
         return self._placements.plan(observation)
 
@@ -104,16 +104,25 @@ class LeaningPlacement:
                 return True
         return False
 
-    def may_lean(self, plan: ReachPlan, observation: Observation, leaning: Observation) -> bool:
-        """True if the drive as the torso is now, and then leaning, keep clear of obstacles."""
-        params, place = self._evaluator.params, plan.base_pose[None]
+    def may_lean(
+        self, plan: ReachPlan, observation: Observation, hip_pitch: float, lost: float = 0.0
+    ) -> bool:
+        """True if the drive as the torso is now, and then leaning, keep clear of obstacles.
+
+        Args:
+            plan: A base placement.
+            observation: The observation.
+            hip_pitch: The hip angle there [rad].
+            lost: By how much the clearance may fall short [m].
+        """
+        least, place = self._evaluator.params.drive_clearance - lost, plan.base_pose[None]
         field = self._placements.standing_field(observation)
-        if not self._placements.has_room(place, observation, field)[0]:
+        if not self._placements.has_room(place, observation, field, lost)[0]:
             return False
         resting = self._placements.places.resting_clearances
         return all(
-            resting(place, one.joint_position, field)[0] >= params.drive_clearance
-            for one in observation.leaning_to(leaning.hip_pitch)
+            resting(place, one.joint_position, field)[0] >= least
+            for one in observation.leaning_to(hip_pitch)
         )
 
     def _postures(self, observation: Observation) -> Iterator[Observation]:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from pepper_drake.models.control_model import CONTROL_PERIOD, CommandLimits
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.reach.lean_params import LEAST_HIP_PITCH, MOST_HIP_PITCH
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
@@ -83,8 +84,11 @@ class ReachPlan:
         distance = float(np.linalg.norm(self.base_pose[:2] - p_WO[:2]))
         if distance > reach:
             return f"the planner placed the base {distance:.1f} m from the goal"
-        if self.hip_pitch is not None and not np.isfinite(self.hip_pitch):
-            return "the planner gave a hip angle that is not a number"
+        if self.hip_pitch is not None:
+            if not np.isfinite(self.hip_pitch):
+                return "the planner gave a hip angle that is not a number"
+            if not LEAST_HIP_PITCH <= self.hip_pitch <= MOST_HIP_PITCH:
+                return f"the planner gave a hip angle of {self.hip_pitch:.2f} rad"
         if self.joint_path is not None and not np.isfinite(self.joint_path).all():
             return "the planner gave joint angles that are not numbers"
         return None

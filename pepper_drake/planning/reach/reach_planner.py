@@ -116,8 +116,12 @@ class ReachPlanner:
 
     def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a base placement, checked again; see `Planner`."""
-        place, lost = plan.base_pose[None], self.params.room_lost
-        if not self._base_planner.has_room(place, observation, lost=lost)[0]:
+        lost, hip_pitch = self.params.room_lost, plan.hip_pitch
+        if hip_pitch is None:
+            has_room = self._base_planner.has_room(plan.base_pose[None], observation, lost=lost)[0]
+        else:
+            has_room = self.leaning.may_lean(plan, observation, hip_pitch, lost)
+        if not has_room:
             sentence = "something stands where the robot was going to drive"
             return replace(plan, status=PlanStatus.NO_STANDING_ROOM, message=sentence)
         return self._with_unseen_drive(plan, observation)

@@ -27,7 +27,7 @@ class Effect(Enum):
     BRAKE = "brake"
     """The arm brakes within its acceleration limits and holds still."""
     LOOK = "look"
-    """The head looks at a place, unless the base placement is known by then."""
+    """The head looks at a place if the base placement is still being planned."""
     PLACEMENT = "placement"
     """The base drives to the planned base placement, or the reach fails."""
     CHECK = "check"
@@ -111,7 +111,7 @@ class ReachState:
     mode: ReachMode = ReachMode.LOOKING
     since: float = 0.0
     goal_seen_since: float = np.nan
-    base_pose_wanted: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+    base_pose_wanted: tuple[float, float, float] = NOWHERE
     hip_pitch_wanted: float = np.nan
     reason: str = ""
     message: str = ""
@@ -166,19 +166,26 @@ class ReachState:
     @property
     def base_goal(self) -> tuple[float, float, float]:
         """Goal of the base, x, y, yaw in W [m, rad]; NaN for "brake and stay"."""
-        stays = self.mode == ReachMode.FAILED or (self.braking and self.mode == ReachMode.DRIVING)
-        return (np.nan, np.nan, np.nan) if stays else self.base_pose_wanted
+        return NOWHERE if self._base_stays else self.base_pose_wanted
 
     @property
     def hip_pitch_goal(self) -> float:
         """Goal of the hip [rad]; NaN for "brake and stay"."""
-        stays = self.mode == ReachMode.FAILED or (self.braking and self.mode == ReachMode.DRIVING)
-        return np.nan if stays else self.hip_pitch_wanted
+        return np.nan if self._base_stays else self.hip_pitch_wanted
+
+    @property
+    def _base_stays(self) -> bool:
+        return self.mode == ReachMode.FAILED or (self.braking and self.mode == ReachMode.DRIVING)
 
     @property
     def is_planning(self) -> bool:
         """True while a plan is being computed."""
-        return any(one.effect != Effect.BRAKE for one in self.pending)
+        return any(one.effect not in (Effect.BRAKE, Effect.LOOK) for one in self.pending)
+
+    @property
+    def is_placing(self) -> bool:
+        """True while a base placement, or a check of it, is being computed."""
+        return any(one.effect == Effect.PLACEMENT for one in self.pending)
 
     @property
     def will_brake(self) -> bool:

@@ -106,8 +106,7 @@ class _Supervision(DriveSupervision):
             starting = state.to(ReachMode.REACHING, time)
             return replace(starting, movements=1, started=time, look_at=NOWHERE)
         if result.effect == Effect.LOOK:
-            is_late = state.mode != ReachMode.LOOKING or state.placement is not None
-            return state if is_late else replace(state, look_at=result.look_at)
+            return replace(state, look_at=result.look_at) if state.is_placing else state
         assert plan is not None
         if plan.status == PlanStatus.CLEAR or result.effect == Effect.MOVEMENT:
             # Only a base placement must be near the goal; later the goal may have moved away.
@@ -145,6 +144,8 @@ class _Supervision(DriveSupervision):
     def settle(self, state: ReachState) -> ReachState:
         """Plans while the robot settles, then checks the plan against the latest observation."""
         timing, time = self._timing, self._time
+        if state.is_placing:
+            return self._look_ahead_of_drive(state)
         if state.is_planning:
             return state
         has_settled = self._has_settled(state)

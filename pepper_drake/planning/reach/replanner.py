@@ -15,6 +15,7 @@ from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPla
 from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
 from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.trajectories.retreat import (
+    carries_object,
     dilate_new_points,
     extrude_new_points_down,
     new_points,
@@ -94,7 +95,7 @@ class ReachReplanner:
                 is_under_way or detour.clearance >= self._replan_clearance(reach)
             ):
                 return state.later(Pending(due, Effect.MOVEMENT, detour))
-            state = replace(state, checked=time)
+            state = replace(state, checked=time, message="")
             if detour.status == PlanStatus.NOT_SEEN:
                 x, y, z = detour.look_at
                 state = replace(state, look_at=(x, y, z), message=detour.message)
@@ -118,13 +119,8 @@ class ReachReplanner:
         if space is None or not near.any():
             return np.zeros((0, 3))
         cloud = observation.cloud[near]
-        # What carries the goal object stands, though nothing may be below its edges.
-        above_foot = cloud - observation.p_WO
-        carries = np.abs(above_foot[:, 2]) < params.hanging_gap
-        carries &= np.linalg.norm(above_foot[:, :2], axis=1) < params.carries_within
-        hangs = space.hanging(
-            cloud, params.hanging_gap, params.hanging_above, params.fewest, carries
-        )
+        cloud = cloud[~carries_object(cloud, observation.p_WO, params)]
+        hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.fewest)
         return cloud[hangs]
 
     def _retreat_separation(

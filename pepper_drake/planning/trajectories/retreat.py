@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.control_model import CommandLimits
+from pepper_drake.perception.mapping.dynamic_obstacles import thing_labels
 from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
 
 Vector = npt.NDArray[np.float64]
@@ -73,8 +74,11 @@ class NewObstacleParams:
     """Height of free space below an object that hangs in the air, and so may move [m]."""
     hanging_gap: float = 0.03
     """Largest distance between neighbouring points of such an object [m]."""
-    carries_within: float = 0.12
+    carrier_near: float = 0.12
     """Distance from the goal object's foot within which points at its height carry it [m]."""
+    carrier_depth: float = 0.06
+    """Height below it down to which what is connected with them belongs to it, too [m]: the front
+    of a table top, below which nothing may be. It stands all the same."""
     left_within: float = 0.2
     """Time within which a retreat must gain distance from new points to keep its full speed [s]: an
     image's period."""
@@ -163,6 +167,28 @@ def new_points(
         return near
     far = known.query(near, distance_upper_bound=params.distance)[0]
     return near[~np.isfinite(far)]
+
+
+def carries_object(
+    cloud: Vector, p_WO: Vector, params: NewObstacleParams = DEFAULT_NEW_OBSTACLE
+) -> npt.NDArray[np.bool_]:
+    """Tells which points of a cloud belong to what the goal object stands on.
+
+    Args:
+        cloud: Cloud (P, 3) in W [m].
+        p_WO: The goal object's foot (3,) in W [m].
+        params: Distances that make a point part of it.
+    """
+    above_foot = cloud - p_WO
+    height = above_foot[:, 2]
+    band = np.flatnonzero((height > -params.carrier_depth) & (height < params.hanging_gap))
+    carriers = np.zeros(len(cloud), dtype=bool)
+    if len(band):
+        labels = thing_labels(cloud[band], params.hanging_gap)
+        carries = np.abs(height[band]) < params.hanging_gap
+        carries &= np.linalg.norm(above_foot[band, :2], axis=1) < params.carrier_near
+        carriers[band] = np.isin(labels, labels[carries])
+    return carriers
 
 
 def retreat_trajectory(

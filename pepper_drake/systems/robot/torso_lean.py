@@ -36,12 +36,13 @@ class TorsoLean(LeafSystem):
         - stop (optional)
         output_ports:
         - body_command
+        - hip_velocity
         - arrived
 
     Inputs: `hip_pitch_goal` (1) [rad], not finite for "stay"; `base_arrived` (1), not zero when the
     base stands at its goal; `stop` (1), not zero: brake, and stay until it is zero again.
-    Outputs: `body_command` (3) of `JOINT_GROUPS["body"]` [rad]; `arrived` (1), 1 when base and hip
-    have arrived.
+    Outputs: `body_command` (3) of `JOINT_GROUPS["body"]` [rad]; `hip_velocity` (1), of that command
+    [rad/s]; `arrived` (1), 1 when base and hip have arrived.
     State: hip angle and its velocity (2) [rad, rad/s], every `time_step`.
 
     Args:
@@ -69,6 +70,9 @@ class TorsoLean(LeafSystem):
         state = {self.discrete_state_ticket(self._state)}
         self.DeclareVectorOutputPort(
             "body_command", 3, self._calc_command, prerequisites_of_calc=state
+        )
+        self.DeclareVectorOutputPort(
+            "hip_velocity", 1, self._calc_velocity, prerequisites_of_calc=state
         )
         self.DeclareVectorOutputPort(
             "arrived",
@@ -105,6 +109,9 @@ class TorsoLean(LeafSystem):
         command = self._resting.copy()
         command[self._hip] = context.get_discrete_state(self._state).value()[0]
         output.SetFromVector(command)
+
+    def _calc_velocity(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, context.get_discrete_state(self._state).value()[1])
 
     def _calc_arrived(self, context: Context, output: BasicVector) -> None:
         angle, speed = context.get_discrete_state(self._state).value()

@@ -166,5 +166,4 @@ def test_only_what_an_image_looked_through_below_hangs_in_the_air():
     hangs = space.hanging(np.concatenate((board, behind)), 0.03, 0.05, 10)
     np.testing.assert_array_equal(hangs, [True] * 20 + [False] * 20)
     assert not space.hanging(board, 0.03, 0.05, 21).any()
-    assert not space.hanging(board, 0.03, 0.05, 10, standing=np.arange(20) == 3).any()
     assert space.hanging(np.zeros((0, 3)), 0.03, 0.05, 10).shape == (0,)

@@ -58,6 +58,12 @@ def test_before_it_drives_on_to_another_place_it_looks_along_that_way_too():
     planner = ScriptedPlanner(reach=plan(PlanStatus.OUT_OF_REACH, "too far"))
     one = Supervised(planner).until(ReachMode.SETTLING)
     planner.placement = planner.drive = unseen_plan()
+    planner.way = np.array([0.5, 0.1, 0.4])
+    while not one.state.is_placing:
+        one.step()
+    one.advance(TIMING.latency.drive)
+    assert one.state.mode == ReachMode.SETTLING
+    np.testing.assert_allclose(one.state.look_at, planner.way)
     one.until(ReachMode.LOOKING).advance(0.3)
     np.testing.assert_allclose(one.state.look_at, [1.0, -0.3, 0.8])
     planner.drive = plan()

@@ -64,14 +64,16 @@ def test_the_robot_does_not_lean_into_an_obstacle(leaning):
     observation = observed(ORIGIN, LOW, table(0.5))
     plan = leaning.plan_base_placement(observation)
     leant = observation.with_hip_pitch(plan.hip_pitch)
-    assert leaning.leaning.may_lean(plan, observation, leant)
+    assert leaning.leaning.may_lean(plan, observation, plan.hip_pitch)
+    assert leaning.check_drive(plan, observation).status == PlanStatus.CLEAR
     # A board that the head would lean into.
     spheres = leaning.base_placement.resting_clearances
     x, _, z = max(spheres.centers(leant.joint_position), key=lambda p_B: p_B[0] + p_B[2])
     head = RigidTransform(RotationMatrix.MakeZRotation(plan.base_pose[2]), [*plan.base_pose[:2], 0])
     board = (head @ (np.array([x + 0.05, 0.0, z]) + sheet(0.0, (-0.1, 0.1), (-0.1, 0.1))).T).T
     blocked = replace(observation, cloud=np.concatenate((observation.cloud, board)))
-    assert not leaning.leaning.may_lean(plan, blocked, leant)
+    assert not leaning.leaning.may_lean(plan, blocked, plan.hip_pitch)
+    assert leaning.check_drive(plan, blocked).status == PlanStatus.NO_STANDING_ROOM
 
 
 def test_angles_at_which_the_robot_could_fall_over_are_refused():

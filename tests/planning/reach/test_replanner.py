@@ -349,7 +349,12 @@ def test_an_arm_that_waits_looks_at_what_was_not_seen_of_the_way_on():
     one = waiting()
     one.planner.ahead = 0.02
     unseen = np.array([0.7, -0.25, 0.9])
-    not_seen = replace(NO_DETOUR, status=PlanStatus.NOT_SEEN, look_at=unseen)
+    not_seen = replace(NO_DETOUR, status=PlanStatus.NOT_SEEN, message="unseen", look_at=unseen)
     one.planner.detour = one.planner.reach = not_seen
     one.look().advance(LATENCY.plan).look()
     np.testing.assert_allclose(one.state.look_at, unseen)
+    assert one.state.message == not_seen.message
+    # Later it is an obstacle that leaves no other path.
+    one.planner.detour = one.planner.reach = NO_DETOUR
+    one.advance(2.0 * TIMING.detour_delay)
+    assert "unseen" not in one.state.message

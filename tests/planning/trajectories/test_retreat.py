@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.trajectories.retreat import (
     NewObstacleParams,
+    carries_object,
     dilate_new_points,
     extrude_new_points_down,
     retreat_trajectory,
@@ -106,3 +107,21 @@ def test_empty_clouds_are_no_trouble(count):
     cloud, nothing = np.ones((count, 3)), np.zeros((0, 3))
     assert len(extrude_new_points_down(cloud, cKDTree(nothing), np.ones(3))) == 6 * count
     assert len(extrude_new_points_down(nothing, cKDTree(np.ones((2, 3))), np.ones(3))) == 0
+
+
+def test_what_the_goal_object_stands_on_ends_where_something_rises_from_it():
+    x, y = (
+        axis.ravel() for axis in np.meshgrid(np.arange(0.9, 1.3, 0.02), np.arange(-0.4, 0.4, 0.02))
+    )
+    top = np.column_stack((x, y, np.full(x.size, 0.74)))
+    front = np.column_stack((np.full(40, 0.9), np.arange(-0.4, 0.4, 0.02), np.full(40, 0.72)))
+    # A person's arm from before the table, whose fingers touch its front edge.
+    arm = np.column_stack((np.linspace(0.3, 0.89, 30), np.zeros(30), np.linspace(0.5, 0.74, 30)))
+    other = top + [0.0, 1.0, 0.0]
+    cloud = np.concatenate((top, front, arm, other))
+    carries = carries_object(cloud, np.array([0.98, -0.11, 0.74]))
+    table = len(top) + len(front)
+    assert carries[:table].all()
+    assert not carries[table + len(arm) :].any()
+    assert not carries[table : table + 20].any()
+    assert not carries_object(cloud, np.array([0.98, -0.11, 1.2])).any()

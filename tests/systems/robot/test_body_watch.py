@@ -142,3 +142,26 @@ def test_what_is_predicted_stops_a_drive_and_not_a_body_that_stands():
         rig.tick()
         assert rig.output("clearance") == rig.output("approach_clearance") == np.inf
         assert rig.output("stop_base") == stops
+
+
+def head_joints(hip_pitch):
+    leant = np.array(JOINTS)
+    leant[BODY_JOINTS.index("HipPitch")] = hip_pitch
+    return leant
+
+
+@pytest.mark.parametrize(("velocity", "expected"), [(-0.25, 1.0), (0.25, 0.0), (0.0, 0.0)])
+@pytest.mark.parametrize("port", ["cloud", "predicted_cloud"])
+def test_the_torso_stops_before_it_leans_into_something(velocity, expected, port):
+    body = BodyClearance(shared_control_model(), body_links(shared_control_model()))
+    # A board that the torso, leaning forward at 0.25 rad/s, would touch before it has braked.
+    path = 0.25 * (0.1 + 0.5 * 0.25 / 0.5)
+    centers = body.centers(head_joints(-path))
+    foremost = int(np.argmax(centers[:, 0] + centers[:, 2]))
+    x, _, z = centers[foremost] + [body.radii[foremost], 0.0, 0.0]
+    board = [[x, y, z] for y in np.linspace(-0.1, 0.1, 11)]
+    rig = Rig(board if port == "cloud" else [])
+    rig.set("predicted_cloud", cloud_of(board if port == "predicted_cloud" else []))
+    rig.set("hip_velocity", [velocity])
+    assert rig.tick().output("stop_base") == expected
+    assert rig.output("clearance") > 0.0
