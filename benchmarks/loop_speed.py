@@ -22,6 +22,7 @@ import os
 import pstats
 import sys
 import time
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,10 @@ SPEED = Path(__file__).with_name("speed.json")
 
 FIRST_SEED = 2000
 """First of the moving scenes whose planning times set `PlanningLatency`."""
+
+PLANS = {"replan", "check_reach", "plan_retreat"}
+DECISION = "a step that plans"
+"""All answers of one step of supervision among which there is one of `PLANS`."""
 
 
 def make_reaching(case: Case, *, cameras: bool) -> Reaching:
@@ -68,10 +73,14 @@ def time_planner(scenes: int) -> dict[str, Any]:
         reaching = make_reaching(Case(seed, moving=True), cameras=True)
         report = ReachSimulation(reaching, RunOptions(progress=False)).run().report
         print(f"moving_{seed}: {report.outcome}", flush=True)
-        for answer in reaching.timed_planner.log:
-            spent.setdefault(answer.name, []).append(answer.seconds)
-    answers = {name: print_times(name, times) for name, times in spent.items()}
-    return {"scenes": scenes, "answers": answers}
+        steps = groupby(reaching.timed_planner.log, key=lambda answer: answer.time)
+        for answers in (list(step) for _, step in steps):
+            for answer in answers:
+                spent.setdefault(answer.name, []).append(answer.seconds)
+            if PLANS & {answer.name for answer in answers}:
+                spent.setdefault(DECISION, []).append(sum(answer.seconds for answer in answers))
+    times = {name: print_times(name, seconds) for name, seconds in spent.items()}
+    return {"scenes": scenes, "answers": times}
 
 
 def print_times(name: str, seconds: list[float]) -> dict[str, float]:

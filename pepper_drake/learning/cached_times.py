@@ -8,8 +8,8 @@ from scipy.interpolate import make_interp_spline
 
 Array = npt.NDArray[np.float64]
 
-_MOST = 256
-"""Most samples whose derivatives are taken by matrices."""
+MOST_CACHED = 256
+"""Most samples of a motion for which matrices are kept."""
 
 
 class TimesKey:
@@ -36,7 +36,7 @@ def spline_derivatives(relative_times: Array, values: Array) -> tuple[Array, Arr
         relative_times: (N,) from 0 to 1.
         values: (N, D).
     """
-    if len(relative_times) > _MOST:
+    if len(relative_times) > MOST_CACHED:
         first, second = _derivatives(relative_times, values)
         return first, second
     first, second = _derivative_matrices(TimesKey(relative_times))

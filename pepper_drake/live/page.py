@@ -109,9 +109,7 @@ class LivePage:
         tabs = gui.add_tab_group()
         if lesson is not None:
             with tabs.add_tab("Lesson"):
-                gui.add_markdown(
-                    f"{_as_markdown(lesson)}\n\nThe class watches at `{page.class_url}`."
-                )
+                gui.add_markdown(f"{_as_markdown(lesson)}\n\n{_for_class(page)}")
                 self._on_click(gui.add_button("Start over", color=_QUIET), Action("over"))
         with tabs.add_tab("Legend"):
             gui.add_html(LEGEND)
@@ -316,6 +314,13 @@ class LivePage:
         self._picture.image = picture
         self._picture.visible = True
         self._seen.content = words
+
+
+def _for_class(page: ViserPage) -> str:
+    """Tells where a class watches, or how it could."""
+    if page.is_local:
+        return "Start with `--host 0.0.0.0` to let a class watch on its own computers."
+    return f"The class watches at `{page.class_url}`."
 
 
 def _as_markdown(lesson: SessionRecord) -> str:

@@ -15,8 +15,10 @@ LOOPBACK = "127.0.0.1"
 
 _LOOPBACK_NAMES = ("localhost", LOOPBACK, "[::1]")
 _TOKEN_BYTES = 24
-_LETTERS, _TYPED = "abcdefghjkmnpqrstuvwxyz23456789", 5
-"""Letters of a token that is typed, none of which looks like another, and half their number."""
+_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"
+"""Letters of a token that is typed, none of which looks like another."""
+_HALF_LENGTH = 5
+"""Number of letters in each half of such a token."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ class Access:
         """
         if self.token is None:
             return self
-        halves = ("".join(secrets.choice(_LETTERS) for _ in range(_TYPED)) for _ in range(2))
+        halves = ("".join(secrets.choice(_LETTERS) for _ in range(_HALF_LENGTH)) for _ in range(2))
         return replace(self, token="-".join(halves))
 
     def url(self, port: int, path: str = "/", *, typed: bool = False) -> str:

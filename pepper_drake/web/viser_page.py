@@ -28,6 +28,7 @@ class ViserPage:
         server: For drawing and for making controls.
         url: Address of the page that controls the session.
         class_url: Address of the same page for spectators.
+        is_local: Whether only this computer can open it.
     """
 
     def __init__(self, host: str | None = None, *, keys: Sequence[str] = ()) -> None:
@@ -62,6 +63,7 @@ class ViserPage:
             raise
         self.url = lead.url(self._process.port)
         self.class_url = look.url(self._process.port, "/class", typed=True)
+        self.is_local = lead.token is None
 
     def events(self) -> list[dict[str, Any]]:
         """Returns the events of keys and gamepad since the last call.

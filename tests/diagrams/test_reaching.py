@@ -176,7 +176,6 @@ def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
 
 
 @pytest.mark.render
-@pytest.mark.render
 def test_a_low_goal_is_reached_and_confirmed_by_a_robot_that_leans_forward():
     reaching = build_reaching(Case(105, family="low_table").scenario())
     result = ReachSimulation(reaching, RunOptions(progress=False)).run()
@@ -188,6 +187,7 @@ def test_a_low_goal_is_reached_and_confirmed_by_a_robot_that_leans_forward():
     assert np.abs(np.diff(hip) / np.diff(log.time_s)).max() < 0.35
 
 
+@pytest.mark.render
 def test_a_clone_does_not_know_what_becomes_of_the_original():
     reaching = make_reaching("free", "right")
     simulator = Simulator(reaching)

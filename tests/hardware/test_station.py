@@ -12,7 +12,10 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from served import served
 
+from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.diagrams.head_perception import HeadPerception
+from pepper_drake.diagrams.reaching import Reaching
+from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.hardware.link_config import LinkConfig
@@ -35,6 +38,16 @@ PREPARED = PreflightOptions(disable_life=True)
 
 def linked(robot, **options):
     return LinkProcess(RobotAccess(robot.address), LinkConfig("right", **options), PREPARED)
+
+
+def test_a_robot_over_a_link_is_not_asked_to_lean():
+    scene = load_scene("table")
+    with served() as robot, linked(robot) as link:
+        link.wait_until_ready()
+        station = HardwareStation(link, shared_control_model())
+        primitive = make_primitive(None, scene.arm)
+        reaching = Reaching(scene, primitive, None, ReachingConfig(), station)
+        assert reaching.planner.params.lean.hip_pitch == []
 
 
 def test_it_has_the_ports_of_the_simulated_station():

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators.gaussian_forcing import GaussianBasis, even_basis
-from pepper_drake.learning.cached_times import TimesKey
+from pepper_drake.learning.cached_times import MOST_CACHED, TimesKey
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
 from pepper_drake.learning.least_squares import ridge_solver
 from pepper_drake.learning.phase import PHASE_RATIO, phase_at
@@ -73,14 +73,20 @@ def learn_posture(
             raise InputError(
                 f"{demo.name}: its joints differ from those of {demonstrations[0].name}"
             )
-    solver = _solver(TimesKey(np.concatenate(times)), num_basis)
+    key = TimesKey(np.concatenate(times))
+    solver = (_cached_solver if len(key.times) <= MOST_CACHED else _solver)(key, num_basis)
     return PostureProfile(names, solver @ np.concatenate(joints))
 
 
-@lru_cache(maxsize=16)
 def _solver(times: TimesKey, num_basis: int) -> Array:
-    """Returns the matrix from joints at relative times to weights; most paths have even times."""
-    return ridge_solver(_features(times.times, num_basis))
+    """Returns the matrix from joints at relative times to weights."""
+    solver = ridge_solver(_features(times.times, num_basis))
+    solver.setflags(write=False)
+    return solver
+
+
+_cached_solver = lru_cache(maxsize=16)(_solver)
+"""The same; most paths have even times, and so the same matrix."""
 
 
 def _features(relative_times: Array, num_basis: int) -> Array:

@@ -179,13 +179,15 @@ class PlanningLatency:
     """
 
     base_placement: float = 1.6
-    """Latency of base placement [s]; the robot waits. Measured: median 0.17, 90th percentile 0.27;
-    where only the path planner finds a path, from the last of many base placements, 0.6 to 1.9."""
+    """Latency of base placement [s]; the robot waits. Measured with the looks along the drive
+    meanwhile: 0.27 and 8 times 0.06; where only the path planner finds a path, from the last of
+    many base placements, 0.6 to 1.9 without them."""
     plan: float = 0.05
     """Latency of checks, replans and retreats [s]; the arm goes on or brakes meanwhile. Measured:
-    90th percentiles 0.032, 0.025 and 0.014; plans take effect at the supervisor's period."""
+    0.040, for all that the planner is asked in one step of supervision."""
     drive: float = 0.1
-    """Latency of a check of the drive [s]; the robot waits. Measured: 0.064."""
+    """Latency of a check of the drive, and of a look along it, which is computed before the base
+    placement [s]; the robot waits. Measured: 0.064."""
     check: float = 0.05
     """Latency of the remaining clearance [s], and thus of a brake or start that follows from it.
     Measured: 0.006; the supervisor cannot act faster than its period."""

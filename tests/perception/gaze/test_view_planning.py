@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, CAMERA_TOP
 from pepper_drake.perception.gaze.head_aiming import P_T_NECK, camera_pose, look_at
 from pepper_drake.perception.gaze.view_planning import (
     VIEW_POINTS,
@@ -33,6 +35,18 @@ def test_what_is_in_the_image_is_shown_and_what_is_beside_it_is_not():
     places = np.array([[0.8, 0.0, 0.0], [0.8, 1.0, 0.0], [-0.8, 0.0, 0.0]])
     head = look_at(CAMERA_DEPTH, places[0]).head
     assert visible(CAMERA_DEPTH, head, places).tolist() == [True, False, False]
+
+
+DISTORTED = replace(CAMERA_TOP.intrinsics, distortion=(0.1, -0.05, 0.002, -0.003, 0.02))
+
+
+@pytest.mark.parametrize("intrinsics", [CAMERA_DEPTH.intrinsics, DISTORTED])
+def test_an_image_shows_what_the_camera_model_says_that_it_shows(intrinsics):
+    camera, head = replace(CAMERA_TOP, intrinsics=intrinsics), (0.2, 0.3)
+    places = np.random.default_rng(0).uniform([0.6, -1.0, -1.0], [1.5, 1.0, 0.6], (2000, 3))
+    seen = intrinsics.sees(camera_pose(camera, head).inverse().multiply(places.T).T)
+    assert 200 < np.count_nonzero(seen) < 1800
+    np.testing.assert_array_equal(visible(camera, head, places), seen)
 
 
 def test_places_count_most_on_the_hands_way_and_around_what_may_move():
