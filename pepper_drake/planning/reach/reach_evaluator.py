@@ -11,6 +11,7 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling, Coupling
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.ik.goal_configurations import axis_error
 from pepper_drake.planning.reach.barrier_for_path import fit_barrier_to_path
 from pepper_drake.planning.reach.kinematic_simulation import KinematicSimulator
 from pepper_drake.planning.reach.movement import Movement
@@ -62,6 +63,7 @@ class ReachEvaluator:
         params.clearance.check()
         self.demonstrated = Movement(primitive, task.coupling, task.X_OG)
         self.params = params
+        self._axis = task.axis
         self.kinematics = arm_kinematics(model, task.arm)
         self.scenes = PlanningSceneBuilder(model, task.arm, task.goal_solids, params)
         self._simulator = KinematicSimulator(
@@ -173,7 +175,8 @@ class ReachEvaluator:
         simulated = movement if collision_checked else replace(movement, coupling=None)
         hand = self._simulator.roll_out(simulated, arm, X_TG, scene.field)
         joint_path = self._simulator.track(arm, hand, params.tolerance.arrive)
-        reached = self.kinematics.poses(joint_path).hand_position
+        poses = self.kinematics.poses(joint_path)
+        reached = poses.hand_position
         error = float(np.linalg.norm(reached[-1] - X_TG.translation()))
         behind = float(np.linalg.norm(reached - hand.positions[: len(reached)], axis=1).max())
         clearance = float(scene.checker.distances(joint_path[::3]).min())
@@ -199,6 +202,15 @@ class ReachEvaluator:
         elif collision_checked and self._touches_object(scene, joint_path):
             status = PlanStatus.NO_CLEAR_PATH
             message = "the arm would touch the goal object"
+        elif (
+            movement.origin in (Origin.ADAPTED, Origin.DETOUR)
+            and (turned := self._turned_away(scene, poses.hand_rotation[-1:])) > 0.0
+        ):
+            status = PlanStatus.TURNED_AWAY
+            message = (
+                f"the hand's axis would be {np.degrees(turned):.0f} degrees off, more than the "
+                "scene allows (goal.pre_grasp.tolerance)"
+            )
         return ReachPlan(
             status,
             message,
@@ -210,6 +222,15 @@ class ReachEvaluator:
             collision_checked,
             self.time_step,
         )
+
+    def _turned_away(self, scene: PlanningScene, R_TH: Vector) -> float:
+        """Returns the error of the task axis of a hand (1, 3, 3) if it is too large, else 0 [rad].
+
+        Where a taught movement turns the hand is for whoever taught it to say.
+        """
+        R_TG = (scene.X_TO @ self.demonstrated.X_OG).rotation().matrix()
+        error = float(axis_error(R_TH, R_TG, self._axis.direction)[0])
+        return error if error > self._axis.tolerance else 0.0
 
     def _touches_object(self, scene: PlanningScene, joint_path: Vector) -> bool:
         distances = scene.checker.object_distances(joint_path[::3])

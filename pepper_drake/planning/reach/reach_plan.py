@@ -29,6 +29,7 @@ class PlanStatus(StrEnum):
     NO_CLEAR_PATH = "no_clear_path"
     CANNOT_FOLLOW = "cannot_follow"
     SELF_COLLISION = "self_collision"
+    TURNED_AWAY = "turned_away"
     NO_STANDING_ROOM = "no_standing_room"
     NOT_SEEN = "not_seen"
 

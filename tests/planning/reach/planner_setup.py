@@ -17,6 +17,7 @@ from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.planning.reach.reach_task import ReachTask
+from pepper_drake.planning.trajectories.adaptation_params import GoalAxis
 
 MODEL = shared_control_model()
 STAND = np.array([posture_positions("stand", {})[name] for name in BODY_JOINTS])
@@ -25,7 +26,7 @@ ORIGIN = np.zeros(3)
 ARM = body_indices(arm_joints("right"))
 
 
-def make_planner(primitive, coupling, X_OM=None, **params):
+def make_planner(primitive, coupling, X_OM=None, axis=None, **params):
     return ReachPlanner(
         primitive,
         ReachTask(
@@ -37,6 +38,7 @@ def make_planner(primitive, coupling, X_OM=None, **params):
             params=ReachPlannerParams(**params),
             image_period=0.2,
             X_OM=X_OM,
+            axis=axis or GoalAxis(),
         ),
     )
 

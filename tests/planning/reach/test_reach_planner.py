@@ -22,9 +22,11 @@ from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_parameters import GoalTolerances, ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
+from pepper_drake.planning.trajectories.adaptation_params import GoalAxis
 from tests.planning.reach.planner_setup import (
     ARM,
     MODEL,
@@ -239,11 +241,28 @@ def at_the_table(right_primitive):
     return observation
 
 
+@pytest.fixture(scope="module")
+def tolerant(right_primitive):
+    """A planner for a task in which the hand may be turned by a radian."""
+    return make_planner(right_primitive, make_coupling("barrier"), axis=GoalAxis(tolerance=1.0))
+
+
+def test_a_movement_that_turns_the_hand_away_is_not_performed(planner, tolerant, at_the_table):
+    turned = tolerant.check_reach(at_the_table)
+    assert turned.movement.origin == Origin.ADAPTED
+    plan = planner.check_reach(at_the_table)
+    assert plan.status == PlanStatus.CLEAR
+    assert plan.movement is planner.demonstrated
+    # Of its clearance nothing is left for an adapted movement whose hand would be turned away.
+    low = replace(at_the_table, cloud=at_the_table.cloud + [0.0, 0.0, 0.01])
+    assert planner.check_reach(low).status != PlanStatus.CLEAR
+
+
 def test_a_demonstration_through_the_table_becomes_a_primitive_around_it(
-    planner, at_the_table, true_clearance
+    tolerant, at_the_table, true_clearance
 ):
-    adapted = planner.check_reach(at_the_table)
-    assert adapted.movement is not planner.demonstrated
+    adapted = tolerant.check_reach(at_the_table)
+    assert adapted.movement is not tolerant.demonstrated
     assert adapted.status == PlanStatus.CLEAR
     assert adapted.position_error < 0.005
     points = in_torso(TABLE, at_the_table.base_pose)
@@ -256,15 +275,15 @@ def test_a_demonstration_through_the_table_becomes_a_primitive_around_it(
     np.testing.assert_allclose(path.positions[-1], primitive.goal + [0.0, 0.02, 0.03], atol=2e-3)
 
 
-def test_the_pre_grasp_keeps_its_position_when_its_direction_is_adapted(planner, at_the_table):
-    movement = planner.check_reach(at_the_table).movement
+def test_the_pre_grasp_keeps_its_position_when_its_direction_is_adapted(tolerant, at_the_table):
+    movement = tolerant.check_reach(at_the_table).movement
     np.testing.assert_array_equal(
-        movement.X_OG.translation(), planner.demonstrated.X_OG.translation()
+        movement.X_OG.translation(), tolerant.demonstrated.X_OG.translation()
     )
 
 
-def test_the_same_reach_is_adapted_the_same_way(planner, at_the_table):
-    one, other = (planner.check_reach(at_the_table) for _ in range(2))
+def test_the_same_reach_is_adapted_the_same_way(tolerant, at_the_table):
+    one, other = (tolerant.check_reach(at_the_table) for _ in range(2))
     np.testing.assert_array_equal(one.joint_path, other.joint_path)
 
 
@@ -309,8 +328,8 @@ def test_where_nothing_is_in_the_way_the_movement_stays_the_one_that_was_shown(p
     assert plan.movement is planner.demonstrated
 
 
-def test_on_its_way_the_arm_goes_around_what_comes_up(planner, at_the_table, true_clearance):
-    plan = planner.check_reach(at_the_table)
+def test_on_its_way_the_arm_goes_around_what_comes_up(tolerant, at_the_table, true_clearance):
+    plan = tolerant.check_reach(at_the_table)
     path, now = plan.joint_path, len(plan.joint_path) // 3
     joints = STAND.copy()
     arm = body_indices(arm_joints("right"))
@@ -329,9 +348,9 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(planner, at_the_table, tru
         arm=ArmState(path[now], velocity),
         cloud=np.concatenate((TABLE, ball)),
     )
-    assert planner.remaining_clearance(plan, seen).least < 0.0
+    assert tolerant.remaining_clearance(plan, seen).least < 0.0
 
-    again = planner.replan(plan, seen)
+    again = tolerant.replan(plan, seen)
     assert again.status == PlanStatus.CLEAR
     np.testing.assert_array_equal(again.joint_path[0], path[now])
     limits = MODEL.command_limits(arm_joints("right"), speed_fraction=0.5)
@@ -340,8 +359,8 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(planner, at_the_table, tru
     assert again.position_error < 0.006
     points = in_torso(seen.cloud, at_the_table.base_pose)
     truth = min(true_clearance("right", q, points) for q in again.joint_path[::6])
-    assert truth >= planner.params.clearance.start - 1e-9
-    assert planner.remaining_clearance(again, seen).least >= planner.params.clearance.start
+    assert truth >= tolerant.params.clearance.start - 1e-9
+    assert tolerant.remaining_clearance(again, seen).least >= tolerant.params.clearance.start
 
 
 NOBODY = np.zeros((0, 3))
