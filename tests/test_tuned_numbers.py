@@ -87,7 +87,7 @@ ALLOWED = {
         "sentinel": "_NOWHERE",
         "numeric": "_WIDE _REGISTRATIONS",
     },
-    "perception/mapping/near_field_occlusion.py": {"numeric": "_PITCH _STEP"},
+    "perception/mapping/near_field_occlusion.py": {"numeric": "_PITCH _STEP _BORDER _BESIDE"},
     "perception/mapping/projector_shadow.py": {"geometry": "BOTH_SIDES"},
     "perception/mapping/voxel_map.py": {
         "layout": "_KEY_BITS _KEY_OFFSET",

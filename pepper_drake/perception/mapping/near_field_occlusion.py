@@ -38,6 +38,10 @@ _PITCH = 6
 """Stride of rays [pixels]."""
 _STEP = 0.02
 """Step between points on a ray [m]."""
+_BORDER = 12
+"""Width at the left and right border of an image where a surface may not be measured [pixels]."""
+_BESIDE = 0.03
+"""Distance within which a ray passes a known point [m]: two of the map's voxels."""
 
 
 @dataclass(unsafe_hash=True)
@@ -228,11 +232,51 @@ def occluded_points(
         for each in ignored:
             explained |= each.placed.near(points, each.margin)
         ahead = ahead[~explained.reshape(len(ahead), -1).any(axis=1)]
+        if origin != 0.0 and len(ahead):
+            # Shadows of what is outside the image.
+            beside = _beside_image(known, intrinsics, X_WC)
+            first, step = depths[-1] + _STEP, hole_parameters.shadow_step
+            ahead = ahead[~_shadowed(ahead, p_CO, X_WC, ignored, beside, first, step)]
     if len(ahead) < parameters.least_rays:
         return nothing
     likely = depths[depths >= parameters.likely]
     rays_C = (ahead / ahead[:, 2:])[:, None] * likely[:, None]
     return np.asarray((rays_C @ R_WC.T + p_WC).reshape(-1, 3))
+
+
+def _shadowed(
+    ahead: Points,
+    p_CO: Points,
+    X_WC: RigidTransform,
+    ignored: Sequence[ExcludedSolids],
+    known: Points,
+    first: float,
+    step: float,
+) -> Mask:
+    """Tells which places (N, 3) in C are in a shadow for light from p_CO (3,) [m].
+
+    The shadow of solids, or of known points (P, 3) in W [m], from a depth `first` up to the place's
+    own depth less `step` [m].
+    """
+    depths = np.arange(first, ahead[:, 2].max() - step, _STEP)
+    rays_C = p_CO + (ahead - p_CO)[:, None] * (depths[:, None] / ahead[:, None, 2:])
+    points = rays_C.reshape(-1, 3) @ X_WC.rotation().matrix().T + X_WC.translation()
+    blocked = np.zeros(len(points), dtype=bool)
+    for each in ignored:
+        blocked |= each.placed.near(points, each.margin)
+    if len(known):
+        distance = cKDTree(known).query(points, distance_upper_bound=_BESIDE)[0]
+        blocked |= np.isfinite(distance)
+    before = depths < ahead[:, 2:] - step
+    return np.asarray((blocked.reshape(before.shape) & before).any(axis=1))
+
+
+def _beside_image(known: Points, intrinsics: CameraIntrinsics, X_WC: RigidTransform) -> Points:
+    """Returns the points of (P, 3) in W [m] before the camera but not in the image's interior."""
+    p_C = _in_camera(known, X_WC)
+    u = intrinsics.project(np.where(p_C[:, 2:] > 0.0, p_C, [0.0, 0.0, 1.0]))[:, 0]
+    inside = (u > _BORDER) & (u < intrinsics.width - 1 - _BORDER)
+    return np.asarray(known[(p_C[:, 2] > 0.0) & ~inside])
 
 
 def _expected(

@@ -121,3 +121,29 @@ def test_what_a_projector_on_the_other_side_would_be_hidden_by_explains_no_hole(
 
     assert found(BOTH_SIDES) == found((-1,)) == 0
     assert found((1,)) > 100
+
+
+def test_the_shadow_of_what_is_outside_the_image_is_explained():
+    depth = wall()
+    depth[100:140, 280:310] = 0
+    # Farther than the near limit, and to the right of what the camera sees.
+    right = places(depth == 0).max(axis=0)
+    p_CO = np.array([BASELINE, 0.0, 0.0])
+    p_CA = p_CO + (right - p_CO) * (0.6 / 1.2)
+    arm = ExcludedSolids([Solid(Box(0.2, 0.3, 0.04), RigidTransform())], [RigidTransform(p_CA)], 0)
+
+    y, x = (axis.ravel() for axis in np.mgrid[-0.15:0.15:0.02, -0.1:0.1:0.02])
+    board = p_CA + np.column_stack((x, y, np.zeros(len(x))))
+
+    def found(known, ignored):
+        return len(
+            occluded_points(
+                BEHIND, known, depth, CAMERA, X_WC, ignored, baseline=BASELINE, sides=(1,)
+            )
+        )
+
+    assert found(NOTHING, []) > 100
+    assert found(NOTHING, [arm]) == 0
+    assert found(board, []) == 0
+    # What is in the image would be measured.
+    assert found(board - [0.3, 0.0, 0.0], []) > 100
