@@ -184,7 +184,7 @@ class PlanningLatency:
     many base placements, 0.6 to 1.9 without them."""
     plan: float = 0.05
     """Latency of checks, replans and retreats [s]; the arm goes on or brakes meanwhile. Measured:
-    0.040, for all that the planner is asked in one step of supervision."""
+    0.033, for all that the planner is asked in one step of supervision."""
     drive: float = 0.1
     """Latency of a check of the drive, and of a look along it, which is computed before the base
     placement [s]; the robot waits. Measured: 0.064."""
