@@ -97,6 +97,10 @@ def libqi(address, body, user=None):
     program = textwrap.dedent(
         """
         import json, os, sys, time, qi
+        def leave(*error):
+            # libqi's threads may keep a process that has failed from ending.
+            sys.__excepthook__(*error); sys.stderr.flush(); os._exit(1)
+        sys.excepthook = leave
         qi.logging.setLevel(qi.logging.FATAL)
         app = qi.Application(["test"], raw=True)
         session = qi.Session()
