@@ -13,6 +13,8 @@ Array = npt.NDArray[np.float64]
 
 _TOLERANCE = 0.0005
 """Tolerance [m] of the hand's position along each axis."""
+_AXIS_MARGIN = 0.01
+"""Margin to the scene's tolerance of the task axis [rad]."""
 
 
 def goal_postures(
@@ -20,8 +22,9 @@ def goal_postures(
 ) -> list[Array]:
     """Returns collision-free postures (5,) [rad], sorted by the hand's orientation error.
 
-    The hand's position is a constraint. Its orientation is a cost in every other search, since five
-    joints cannot reach every pose; the rest minimise the distance to their initial guess.
+    The hand's position and the direction of its task axis are constraints. Its orientation is a
+    cost in every other search, since five joints cannot reach every pose; the rest minimise the
+    distance to their initial guess.
 
     Args:
         known: The scene.
@@ -57,6 +60,15 @@ def _solve(
         plant.world_frame(),
         goal.translation() - _TOLERANCE,
         goal.translation() + _TOLERANCE,
+    )
+    task = known.scene.goal.pre_grasp
+    ik.AddAngleBetweenVectorsConstraint(
+        hand,
+        np.asarray(task.axis),
+        plant.world_frame(),
+        goal.rotation() @ np.asarray(task.axis),
+        0.0,
+        task.tolerance - _AXIS_MARGIN,
     )
     if oriented:
         ik.AddOrientationCost(

@@ -14,6 +14,7 @@ from pydrake.planning import (
     SceneGraphCollisionChecker,
 )
 
+from pepper_drake.benchmarking.scene_file import POSITION_TOLERANCE
 from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.models.control_model import arm_joints, shared_control_model
 from pepper_drake.models.objects import add_scene
@@ -193,6 +194,18 @@ class GroundTruthScene:
             self.checker.UpdatePositions(self.positions(joints, base_pose))
             poses.append(frame.CalcPoseInWorld(plant_context))
         return poses
+
+    def is_at_goal(self, joints: Array, base_pose: Array) -> bool:
+        """True if the hand is where it should be and its task axis within the scene's tolerance.
+
+        Args:
+            joints: (5,) of the arm [rad].
+            base_pose: (3,) x, y, yaw in W.
+        """
+        X_HG = self.hand_poses(joints[None], base_pose)[0].InvertAndCompose(self.X_WG)
+        task = self.scene.goal.pre_grasp
+        is_near = np.linalg.norm(X_HG.translation()) <= POSITION_TOLERANCE
+        return bool(is_near and task.axis_error(X_HG.rotation()) <= task.tolerance)
 
     @property
     def quiet_after(self) -> float:

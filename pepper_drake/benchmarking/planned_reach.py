@@ -32,7 +32,6 @@ from pepper_drake.benchmarking.ompl_rrt_connect import rrt_connect, seed_ompl
 from pepper_drake.benchmarking.pink_barriers import barrier_motion
 from pepper_drake.benchmarking.planned_reach_page import record_motion
 from pepper_drake.benchmarking.roboplan_rrt import roboplan_rrt
-from pepper_drake.benchmarking.scene_file import POSITION_TOLERANCE
 from pepper_drake.benchmarking.timed_path import timed_path
 from pepper_drake.benchmarking.trajectory_optimization import optimized_motion
 from pepper_drake.diagrams.factory import make_primitive
@@ -164,10 +163,10 @@ class PlannedReach:
         for motion in self.motions(known, place, seed):
             seconds = time.process_time() - begin
             counted = seconds / len(motion) if self.reactive else seconds
-            error, _ = pose_error(known.hand_poses(motion[-1:], place)[0], known.X_WG)
+            is_at_goal = known.is_at_goal(motion[-1], place)
             for waiting in np.arange(0.0, known.quiet_after + _WAITING_STEP, _WAITING_STEP):
                 clearance, _ = known.clearance(_whole(known, motion, waiting), place)
-                if error <= POSITION_TOLERANCE and clearance > 0.0:
+                if is_at_goal and clearance > 0.0:
                     return _Found(motion, float(waiting), place, counted)
             known.set_time(moment)
             begin = time.process_time() - seconds

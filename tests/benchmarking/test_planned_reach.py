@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,34 @@ def test_goal_postures_put_the_hand_at_the_goal_and_touch_nothing(free, place):
         error = np.linalg.norm(X_WH.translation() - free.X_WG.translation())
         assert error < 0.001
         assert free.clearance(posture[None], place)[0] > 0.0
+        assert free.is_at_goal(posture, place)
+
+
+def test_a_hand_that_is_at_its_goal_but_turned_away_has_not_reached(free, place):
+    task = free.scene.goal.pre_grasp
+    postures = np.array(goal_postures(free, place, np.random.default_rng(0)))
+    turned = [
+        task.axis_error(X_WH.rotation().inverse() @ free.X_WG.rotation())
+        for X_WH in free.hand_poses(postures, place)
+    ]
+    tolerance = max(turned) - 0.01
+    assert min(turned) < tolerance < task.tolerance
+    goal = replace(free.scene.goal, pre_grasp=replace(task, tolerance=tolerance))
+    strict = GroundTruthScene(replace(free.scene, goal=goal))
+    worst, best = postures[np.argmax(turned)], postures[np.argmin(turned)]
+    assert strict.is_at_goal(best, place)
+    assert not strict.is_at_goal(worst, place)
+    for posture in goal_postures(strict, place, np.random.default_rng(0)):
+        assert strict.is_at_goal(posture, place)
+
+    found = [
+        PlannedReach(lambda *_, end=end: iter([np.array([free.start, end])]))._search_from(
+            strict, place, 0.0, 0
+        )
+        for end in (best, worst)
+    ]
+    assert found[0] is not None
+    assert found[1] is None
 
 
 BASE = np.array([-0.3, 0.0, 0.0])

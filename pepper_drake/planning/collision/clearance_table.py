@@ -13,8 +13,8 @@ FARTHEST = 0.15
 class ClearanceTable:
     """Thresholds of the arm's clearance to the obstacle cloud, in ascending order.
 
-    The order is stop < start < replan < resume < want < optimise < retreat: otherwise a plan that
-    is just good enough to start would be stopped or replanned at once. All must be less than
+    The order is stop < start < slow < replan < resume < want < optimise < retreat: otherwise a plan
+    that is just good enough to start would be stopped or replanned at once. All must be less than
     `FARTHEST`.
 
     Raises:
@@ -23,8 +23,12 @@ class ClearanceTable:
 
     stop: float = 0.002
     """Clearance below which the safety monitor stops the arm [m]: twice the cloud's noise."""
-    start: float = 0.006
-    """Least clearance of an accepted plan [m]: `stop` and an allowance for tracking errors."""
+    start: float = 0.004
+    """Least clearance of an accepted plan [m]: `stop`, and twice the tracking error of a slow arm,
+    1 mm."""
+    slow: float = 0.008
+    """Clearance below which the arm is as slow as in unseen space [m]: `start`, and the tracking
+    error at 0.5 m/s, 4 mm."""
     replan: float = 0.012
     """Clearance of the rest of a movement below which it is replanned [m]."""
     resume: float = 0.015
@@ -43,7 +47,7 @@ class ClearanceTable:
 
     def check(self) -> None:
         """Raises InputError unless the clearances ascend; loaders that set fields call it again."""
-        names = ("stop", "start", "replan", "resume", "want", "optimise", "retreat")
+        names = ("stop", "start", "slow", "replan", "resume", "want", "optimise", "retreat")
         for lower, upper in itertools.pairwise(names):
             low, high = getattr(self, lower), getattr(self, upper)
             if not low < high:

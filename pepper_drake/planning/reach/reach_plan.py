@@ -153,6 +153,10 @@ class RemainingClearance(NamedTuple):
         """Returns the least distance within some time from now [m]."""
         return float(self.distances[self.times <= duration].min(initial=np.inf))
 
+    def time_below(self, clearance: float) -> float:
+        """Returns the time until the distance is first below a clearance [m]; infinite if never."""
+        return float(self.times[self.distances < clearance].min(initial=np.inf))
+
 
 class Planner(Protocol):
     """Interface of a planner to the supervision; planners are stateless."""

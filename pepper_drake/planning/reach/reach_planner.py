@@ -182,8 +182,6 @@ class ReachPlanner:
             near_W = near @ X_WT.rotation().matrix().T + X_WT.translation()
             radius = float(np.max(self._evaluator.kinematics.spheres.radii))
             distance = float(np.min(cKDTree(new_obstacle).query(near_W)[0])) - radius
-        if first == len(centers) and not len(new_obstacle):
-            return StaleSpace()
         steps = np.linalg.norm(np.diff(centers[: first + 2], axis=0), axis=2)
         fastest = float(steps.max(initial=0.0)) / duration
         # Near movable things the space counts as entered one configuration earlier.

@@ -70,7 +70,8 @@ class ReachReplanner:
             moving = new if len(observation.predicted_cloud) else new[:0]
             movable = np.concatenate((moving, state.hanging))
             stale = self.planner.stale_space(reach, observation, new, movable)
-            stale = stale._replace(time=state.performed + stale.time)
+            narrow = rest.time_below(self.planner.params.clearance.slow)
+            stale = stale._replace(time=state.performed + min(stale.time, narrow))
             state = replace(state, look_at=stale.place, stale=stale)
         elif not state.braking:
             state = replace(state, stale=self._retreat_separation(plan, observation, new))

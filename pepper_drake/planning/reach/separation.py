@@ -1,4 +1,4 @@
-"""Speed limit of the arm before space that was not seen recently, and near new obstacles.
+"""Speed limit of the arm before space not seen recently, in narrow places, near new obstacles.
 
 Speed and separation monitoring (ISO/TS 15066:2016, 5.5.4) requires the separation distance
 
@@ -35,7 +35,8 @@ class SeparationParams:
     """Rate of change of the speed fraction [1/s]: the arm stops from full speed within 0.25 s,
     which at 1.5 rad/s is 6 rad/s² of the 10 that its joints may have."""
     touch_speed: float = 0.04
-    """Speed of the arm's fastest point in unseen space [m/s]: a contact may have 0.05 m/s."""
+    """Speed of the arm's fastest point in unseen space, and where its clearance is less than
+    `clearance.slow` [m/s]: a contact may have 0.05 m/s."""
     approach_speed: float = 0.3
     """Speed v_h of a new obstacle [m/s]: the fastest in the scenes. That of a walking person,
     1.6 m/s in the technical specification, would stop the arm anywhere near."""
@@ -53,7 +54,7 @@ class StaleSpace(NamedTuple):
     Attributes:
         place: Its centre (3,) in W [m]; NaN if there is none.
         time: Time until the arm enters it at the movement's full speed [s].
-        fastest: Speed of the arm's fastest point until then, at full speed [m/s].
+        fastest: Speed of the arm's fastest point until then, or soon, at full speed [m/s].
         distance: Distance of the arm to an obstacle that appeared since it started [m].
     """
 

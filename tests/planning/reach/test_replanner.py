@@ -5,6 +5,7 @@ import pytest
 
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.trajectories.retreat import NewObstacleParams
@@ -44,6 +45,17 @@ def test_the_head_looks_where_the_arm_passes_soon_and_was_not_seen_lately():
     assert one.look().state.look_at == STALE.place
     one.planner.stale = StaleSpace()
     assert np.isnan(one.look().state.look_at).all()
+
+
+def test_the_arm_is_slow_where_its_clearance_is_small():
+    slow = ReachPlannerParams().clearance.slow
+    one = on_its_way(ahead=slow + 0.001, stale=StaleSpace(fastest=0.5))
+    one.state = replace(one.state, plan=path_plan(clearance=0.006))
+    one.look().advance(0.5)
+    assert one.state.speed == 1.0
+    one.planner.ahead, one.planner.ahead_from = slow - 0.001, 0.0
+    one.look().advance(0.5)
+    assert one.state.speed * 0.5 == pytest.approx(TIMING.separation.touch_speed)
 
 
 def test_a_detour_takes_effect_a_planning_latency_after_its_observation():
