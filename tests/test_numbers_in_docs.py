@@ -120,8 +120,11 @@ SAID = {
         f"sees nothing nearer than {NEAR}",
     ],
     "docs/howto/scenario.md": [
-        f"| `{name}` | {getattr(PLANNER.clearance, name):.3f} |"
-        for name in ("stop", "start", "replan", "resume", "want", "optimise", "retreat")
+        f"moves no faster than {TOUCH}",
+        *(
+            f"| `{name}` | {getattr(PLANNER.clearance, name):.3f} |"
+            for name in ("stop", "start", "slow", "replan", "resume", "want", "optimise", "retreat")
+        ),
     ],
 }
 """For each page, what it says of the code."""

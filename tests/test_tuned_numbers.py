@@ -112,7 +112,7 @@ ALLOWED = {
         "numeric": "_DAMPING",
         "offline": "_POSTURE_GAIN",
     },
-    "planning/collision/compiled_arm.py": {
+    "planning/collision/compiled_grid.py": {
         "layout": "UNKNOWN ASKED_FOR READY",
         "numeric": "_ROUNDING",
     },

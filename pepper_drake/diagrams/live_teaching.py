@@ -69,13 +69,8 @@ class LiveTeaching(Diagram):
         self.scene, self.arm = with_movable_objects(scene), scene.arm
         config = config or ReachingConfig()
         robot = replace(config.station, goal_motion_port=True, obstacle_motion_ports=True)
-        timing = replace(
-            config.timing,
-            drives=False,
-            holding=np.inf,
-            reach_timeout=np.inf,
-            blocked_timeout=np.inf,
-        )
+        timing = replace(config.timing, drives=False, holding=np.inf)
+        timing = replace(timing, reach_timeout=np.inf, blocked_timeout=np.inf)
         config = replace(config, station=robot, timing=timing, is_guided=True)
         self._builder = builder = DiagramBuilder()
         self.reaching = Reaching(self.scene, primitive, coupling, config)

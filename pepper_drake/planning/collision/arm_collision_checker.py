@@ -11,7 +11,8 @@ from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.perception.mapping.solids import Solid, SolidSet, collision_solids
 from pepper_drake.planning.collision.clearance_table import FARTHEST
-from pepper_drake.planning.collision.compiled_arm import Spheres, placed_points
+from pepper_drake.planning.collision.compiled_arm import placed_points
+from pepper_drake.planning.collision.compiled_grid import Spheres
 from pepper_drake.planning.collision.distance_grid import DistanceGrid, Region
 from pepper_drake.planning.collision.exact_distance import ExactDistance
 from pepper_drake.planning.collision.sphere_model import SphereModel, arm_link_names

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.planning.collision.compiled_arm import (
+from pepper_drake.planning.collision.compiled_grid import (
     UNKNOWN,
     GridArrays,
     looked_up,

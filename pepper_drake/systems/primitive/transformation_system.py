@@ -331,9 +331,8 @@ def TransformationSystem_(T: type) -> type:
         def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:
             if self._time_step > 0.0:
                 return
-            runs = self._movement(context).runs
-            rates = self._present(context).rates(self._optional(self.coupling_port, context)) * runs
-            derivatives.get_mutable_vector().SetFromVector(rates)
+            rates = self._present(context).rates(self._optional(self.coupling_port, context))
+            derivatives.get_mutable_vector().SetFromVector(rates * self._movement(context).runs)
 
     return Impl
 
