@@ -23,17 +23,17 @@ class ClearanceTable:
 
     stop: float = 0.002
     """Clearance below which the safety monitor stops the arm [m]: twice the cloud's noise."""
-    start: float = 0.004
-    """Least clearance of an accepted plan [m]: `stop`, and twice the tracking error of a slow arm,
-    1 mm."""
-    slow: float = 0.008
+    start: float = 0.005
+    """Least clearance of an accepted plan [m]: `stop`, and three times the tracking error of a slow
+    arm, 1 mm."""
+    slow: float = 0.009
     """Clearance below which the arm is as slow as in unseen space [m]: `start`, and the tracking
-    error at 0.5 m/s, 4 mm."""
+    error at 0.5 m/s, 4 mm. The fallback planner searches for paths with this clearance; their
+    optimisation widens it."""
     replan: float = 0.012
     """Clearance of the rest of a movement below which it is replanned [m]."""
     resume: float = 0.015
-    """Clearance below which a waiting arm resumes only if no better path is found [m]; the fallback
-    planner searches for paths with this clearance."""
+    """Clearance below which a waiting arm resumes only if no better path is found [m]."""
     want: float = 0.016
     """Clearance with which a plan is taken without searching for a better one [m]."""
     optimise: float = 0.020

@@ -68,7 +68,7 @@ class TrajectoryAdapter:
         duration: Duration of the demonstrations [s].
         params: Parameters of the adaptation.
         clearance: Clearances: `start` and `want` at the goal, `optimise` along the path, and
-            `resume` for the fallback planner.
+            `slow` for the fallback planner.
         axis: The axis of the hand whose direction matters.
     """
 
@@ -212,7 +212,7 @@ class TrajectoryAdapter:
     ) -> Iterator[tuple[SearchResult, int]]:
         """Yields the path planner's path, not rated, if it finds one: one more to start from."""
         ends = checker.approximate_distances(np.concatenate((start[None], goals)))
-        allowed = np.minimum(ends.min(axis=0), self._clearance.resume)
+        allowed = np.minimum(ends.min(axis=0), self._clearance.slow)
 
         corner_slack = self.params.corner_slack
 
