@@ -5,7 +5,13 @@ from __future__ import annotations
 import pickle
 import signal
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    ProcessPoolExecutor,
+    as_completed,
+)
 from contextlib import contextmanager
 from functools import lru_cache
 from multiprocessing import active_children, get_context
@@ -72,10 +78,6 @@ def _results(
     try:
         for future in as_completed(futures):
             yield futures[future], future.result()
-    except BrokenExecutor:
-        raise PepperDrakeError(
-            "a worker process has died; what was evaluated is kept, use fewer jobs"
-        ) from None
     except ModuleNotFoundError as error:
         raise InputError(
             f"a worker has no {error.name}; install pepper-drake where the workers run"
@@ -116,6 +118,7 @@ def processes(jobs: int) -> Iterator[Executor | None]:
 
     Raises:
         InputError: The number of jobs is not positive.
+        PepperDrakeError: One of them has died, as when the machine's memory is full.
     """
     if jobs < 1:
         raise InputError(f"jobs: {jobs}; use at least 1")
@@ -126,12 +129,16 @@ def processes(jobs: int) -> Iterator[Executor | None]:
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_prepare_worker)
     try:
         yield pool
-    except BaseException:
+    except BaseException as error:
         # A process still starting while its pool shuts down would end with a traceback.
         with undisturbed():
             for worker in set(active_children()) - set(others):
                 worker.terminate()
             pool.shutdown(wait=True, cancel_futures=True)
+        if isinstance(error, BrokenExecutor):
+            raise PepperDrakeError(
+                "a worker process has died; what was finished is kept, use fewer jobs"
+            ) from None
         raise
     pool.shutdown()
 
@@ -153,9 +160,11 @@ def dask_cluster(address: str, timeout: float = 5.0) -> Iterator[Executor]:
 
     Raises:
         InputError: Dask is not installed, or no scheduler answers at the address.
+        PepperDrakeError: A worker or the scheduler has died.
     """
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
+        from distributed.comm import CommClosedError
     except ImportError:
         raise InputError(
             "--dask: Dask is not installed; install it with pip install pepper-drake[dask]"
@@ -164,5 +173,10 @@ def dask_cluster(address: str, timeout: float = 5.0) -> Iterator[Executor]:
         client = Client(address, timeout=timeout, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(f"--dask {address}: no scheduler answers ({error})") from None
-    with client:
-        yield client.get_executor(pure=False)
+    try:
+        with client:
+            yield client.get_executor(pure=False)
+    except (KilledWorker, CommClosedError, CancelledError):
+        raise PepperDrakeError(
+            f"--dask {address}: a worker or the scheduler has died; what was finished is kept"
+        ) from None

@@ -136,6 +136,24 @@ def test_a_process_that_dies_is_one_sentence():
             evaluate_all(problem, np.zeros((4, 1)), executor)
 
 
+def test_a_worker_of_a_cluster_that_dies_is_one_sentence():
+    distributed = pytest.importorskip("distributed")
+    import dask
+
+    from pepper_drake.optimization import dask_cluster
+
+    problem = replace(bowl([0.3]), evaluate=dies)
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+        ) as cluster,
+        pytest.raises(PepperDrakeError, match="a worker or the scheduler has died"),
+        dask_cluster(cluster.scheduler_address) as executor,
+    ):
+        evaluate_all(problem, np.zeros((4, 1)), executor)
+
+
 def test_functions_that_cannot_be_sent_are_for_executors_here():
     problem = replace(bowl([0.3]), evaluate=lambda x: x[:, 0] ** 2)
     with ThreadPoolExecutor(2) as executor:
