@@ -2,10 +2,12 @@
 
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, TypeVar, cast
 
 from numba import njit
 from numba.core import event
+from numba.core.caching import FunctionCache
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -18,10 +20,22 @@ def compiled(function: F) -> F:
     is compiled again in each process. Changes in other files go unnoticed: compiled functions only
     call those of their own file.
     """
-    try:
-        return cast(F, njit(cache=True)(function))
-    except RuntimeError:  # "cannot cache function ...: no locator available".
-        return cast(F, njit(function))
+    dispatcher: Any = njit(function)
+    with suppress(RuntimeError):  # "cannot cache function ...: no locator available".
+        dispatcher._cache = _Cache(function)
+    return cast(F, dispatcher)
+
+
+class _Cache(FunctionCache):
+    """numba's cache; what cannot be read, as after an update of the package, is compiled anew."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:
+            with suppress(OSError):
+                self.flush()
+            return None
 
 
 def announce_compilation() -> None:

@@ -1,7 +1,9 @@
 """Compiled functions: what numba keeps of them, and where it cannot."""
 
 import ast
+import importlib.util
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from numba.core.caching import CacheImpl
@@ -38,6 +40,33 @@ def test_compilation_is_announced_once_to_who_waits(capsys, monkeypatch):
 
 def test_it_is_kept_where_a_folder_can_be_written_to():
     assert advance_all.stats.cache_path
+
+
+class Moved(NamedTuple):
+    """A type that another version of the package had elsewhere."""
+
+    value: float
+
+
+@pytest.mark.parametrize("kind", ["cut off", "of a type that has moved", "code cut off"])
+def test_a_cache_that_cannot_be_read_is_made_anew(tmp_path, monkeypatch, kind):
+    source = tmp_path / "kept.py"
+    source.write_text("def twice(x):\n    return 2.0 * x[0]\n")
+    spec = importlib.util.spec_from_file_location("kept", source)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert compiled(module.twice)(Moved(1.5)) == 3.0
+
+    (index,), (code,) = tmp_path.rglob("*.nbi"), tmp_path.rglob("*.nbc")
+    if kind == "of a type that has moved":
+        monkeypatch.delattr(f"{__name__}.Moved")
+        again = NamedTuple("Again", [("value", float)])(1.5)
+    else:
+        broken = code if "code" in kind else index
+        broken.write_bytes(broken.read_bytes()[:-20])
+        again = Moved(1.5)
+    for _ in range(2):
+        assert compiled(module.twice)(again) == 3.0
 
 
 def test_nothing_else_compiles():
