@@ -114,12 +114,12 @@ ALLOWED = {
     },
     "planning/collision/compiled_grid.py": {
         "layout": "UNKNOWN ASKED_FOR READY",
-        "numeric": "_ROUNDING",
+        "numeric": "ROUNDING",
     },
-    "planning/ik/compiled_tick.py": {"numeric": "SHARES ROUNDING"},
     "planning/ik/goal_configurations.py": {
         "numeric": "_LIBRARY_SIZE _SEED _STEPS _DAMPING _TOLERANCE _LARGEST_STEP"
     },
+    "planning/safety/compiled_limits.py": {"numeric": "SHARES ROUNDING"},
     "planning/safety/safe_command.py": {"numeric": "_SAME"},
     "planning/reach/barrier_for_path.py": {"numeric": "_CANDIDATE_DISTANCES"},
     "planning/reach/base_placement.py": {"numeric": "_BATCH"},

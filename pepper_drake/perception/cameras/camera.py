@@ -23,6 +23,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.sensors import CameraInfo
 
 from pepper_drake.errors import InputError
+from pepper_drake.perception.cameras.projection import project_points
 
 _CLOSEST = 0.05
 """Smallest rendered depth [m]."""
@@ -222,19 +223,8 @@ class CameraIntrinsics:
             Pixel coordinates (..., 2); NaN for points at or behind the camera.
         """
         p = np.asarray(p_CP, dtype=float)
-        depth = np.where(p[..., 2] > 0, p[..., 2], np.nan)
-        x, y = p[..., 0] / depth, p[..., 1] / depth
-        k1, k2, p1, p2, k3 = self.distortion[:5]
-        r2 = x * x + y * y
-        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        if len(self.distortion) > 5:
-            k4, k5, k6 = self.distortion[5:]
-            radial = radial / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-        u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-        v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-        return np.stack(
-            [self.focal_x * u + self.center_x, self.focal_y * v + self.center_y], axis=-1
-        )
+        pixels = project_points(np.ascontiguousarray(p.reshape(-1, 3)), self.numbers)
+        return np.asarray(pixels.reshape(*p.shape[:-1], 2))
 
     def sees(self, p_CP: npt.ArrayLike, margin: float = 0.0) -> npt.NDArray[np.bool_]:
         """Tells which points are in the field of view, at least `margin` pixels from its border.

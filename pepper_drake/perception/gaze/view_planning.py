@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from pepper_drake.compiled import compiled
 from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.perception.cameras.camera import HeadCamera
+from pepper_drake.perception.cameras.projection import pixel_at
 from pepper_drake.perception.gaze.gaze_params import ViewParams
 from pepper_drake.perception.gaze.head_aiming import (
     HEAD_YAW_LIMIT,
@@ -171,8 +172,7 @@ def _in_images(
             np.ascontiguousarray(X_TC),
             np.ascontiguousarray(places, dtype=float),
             (float(lens.width), float(lens.height)),
-            (lens.focal_x, lens.focal_y, lens.center_x, lens.center_y),
-            (*lens.distortion, 0.0, 0.0, 0.0)[:8],
+            lens.numbers,
             1.0 - border,
         )
     )
@@ -183,15 +183,10 @@ def _projected_inside(
     X_TC: Vector,
     places: Vector,
     size: tuple[float, float],
-    lens: tuple[float, float, float, float],
-    distortion: tuple[float, ...],
+    lens: Vector,
     within: float,
 ) -> npt.NDArray[np.bool_]:
-    """Tells which places (N, 3) are in a part of the image (H, N) at H poses (H, 3, 4).
-
-    The projection is that of `CameraIntrinsics.project`.
-    """
-    k1, k2, p1, p2, k3, k4, k5, k6 = distortion
+    """Tells which places (N, 3) are in a part of the image (H, N) at H poses (H, 3, 4)."""
     inside = np.zeros((len(X_TC), len(places)), dtype=np.bool_)
     for h in range(len(X_TC)):
         X = X_TC[h]
@@ -203,12 +198,7 @@ def _projected_inside(
             # Scaling x and y scales the distance from the image's centre.
             x = (X[0, 0] * a + X[1, 0] * b + X[2, 0] * c) / (within * z)
             y = (X[0, 1] * a + X[1, 1] * b + X[2, 1] * c) / (within * z)
-            r2 = x * x + y * y
-            radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-            radial /= 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
-            u = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-            v = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-            u, v = lens[0] * u + lens[2], lens[1] * v + lens[3]
+            u, v = pixel_at(x, y, lens)
             inside[h, n] = -0.5 <= u <= size[0] - 0.5 and -0.5 <= v <= size[1] - 0.5
     return inside
 

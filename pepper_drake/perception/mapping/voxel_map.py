@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from pepper_drake.compiled import compiled
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
+from pepper_drake.perception.cameras.projection import pixel_at
 from pepper_drake.perception.mapping.cloud import SurfacePoints
 from pepper_drake.short_repr import figure_view, short_repr, short_signature
 
@@ -287,7 +288,6 @@ def _sees_through(
 ) -> npt.NDArray[np.bool_]:
     """Computes `is_free_space` place by place."""
     through = np.zeros(len(p_W), dtype=np.bool_)
-    fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6 = camera
     height, width = clear.shape
     for n in range(len(p_W)):
         a, b, c = p_W[n, 0] - p_WC[0], p_W[n, 1] - p_WC[1], p_W[n, 2] - p_WC[2]
@@ -296,11 +296,7 @@ def _sees_through(
             continue
         x = np.float64(a * R_WC[0, 0] + b * R_WC[1, 0] + c * R_WC[2, 0]) / np.float64(z)
         y = np.float64(a * R_WC[0, 1] + b * R_WC[1, 1] + c * R_WC[2, 1]) / np.float64(z)
-        r2 = x * x + y * y
-        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        radial = radial / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-        u = fx * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) + cx
-        v = fy * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y) + cy
+        u, v = pixel_at(x, y, camera)
         if u >= -0.5 and v >= -0.5 and u < width - 0.5 and v < height - 0.5:
             seen = clear[int(np.rint(v)), int(np.rint(u))]
             through[n] = seen - (margin + noise * (z * z)) > z

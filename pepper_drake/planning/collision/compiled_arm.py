@@ -87,6 +87,22 @@ def link_poses(
 
 
 @compiled
+def hand_jacobian(q: Vector, chain: ArmChain) -> tuple[Vector, Vector, Vector]:
+    """Returns rotation and position of the hand in T, and its Jacobian (6, 5), angular first."""
+    R, p, rows = np.eye(3), np.zeros(3), chain.rows[5] + 1
+    rotations, positions = np.empty((rows, 3, 3)), np.empty((rows, 3))
+    axes, origins = np.empty((5, 3)), np.empty((5, 3))
+    _pose_links(q, chain, R, p, rotations, positions, axes, origins)
+    J = np.empty((6, 5))
+    for k in range(5):
+        x, y, z = p[0] - origins[k, 0], p[1] - origins[k, 1], p[2] - origins[k, 2]
+        u, v, w = axes[k]
+        J[0, k], J[1, k], J[2, k] = u, v, w
+        J[3, k], J[4, k], J[5, k] = v * z - w * y, w * x - u * z, u * y - v * x
+    return R, p, J
+
+
+@compiled
 def placed_points(rotations: Vector, positions: Vector, link: Numbers, points: Vector) -> Vector:
     """Returns points (S, 3) of links (S,) at link poses (M, L, ...), (M, S, 3) [m]."""
     placed = np.empty((len(rotations), len(link), 3))

@@ -7,13 +7,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from pepper_drake.planning.ik.compiled_tick import stopping_distance
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
 from pepper_drake.planning.reach.separation import StaleSpace
+from pepper_drake.planning.safety.compiled_limits import stopping_distance
 from pepper_drake.planning.trajectories.retreat import (
     carries_object,
     dilate_new_points,

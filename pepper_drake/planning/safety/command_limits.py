@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.planning.ik.compiled_tick import limited_step, tracking_velocities
+from pepper_drake.planning.safety.compiled_limits import limited_step, tracking_velocities
 
 Vector = npt.NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
-from pepper_drake.planning.collision.compiled_grid import CostNumbers, rate_paths
+from pepper_drake.planning.trajectories.compiled_cost import CostNumbers, rate_paths
 from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
 
 Vector = npt.NDArray[np.float64]

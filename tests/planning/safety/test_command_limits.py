@@ -13,12 +13,12 @@ from pepper_drake.models.pepper import (
     head_pitch_limits,
     posture_positions,
 )
-from pepper_drake.planning.ik.compiled_tick import stopping_distance
 from pepper_drake.planning.safety.command_check import StopReason, check_command
 from pepper_drake.planning.safety.command_limits import (
     limit_joint_command,
     track_joint_command,
 )
+from pepper_drake.planning.safety.compiled_limits import stopping_distance
 
 TIME_STEP = 0.01
 
