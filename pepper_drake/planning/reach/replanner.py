@@ -70,6 +70,7 @@ class ReachReplanner:
             moving = new if len(observation.predicted_cloud) else new[:0]
             movable = np.concatenate((moving, state.hanging))
             stale = self.planner.stale_space(reach, observation, new, movable)
+            # A narrow place slows the arm in the same way.
             narrow = rest.time_below(self.planner.params.clearance.slow)
             stale = stale._replace(time=state.performed + min(stale.time, narrow))
             state = replace(state, look_at=stale.place, stale=stale)
