@@ -13,15 +13,16 @@ import argparse
 import hashlib
 import json
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
+from pepper_drake import cli
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
+from pepper_drake.optimization.parallel import processes
 from pepper_drake.scenario import build_reaching
 
 SCENES = ("table", "shelf", "clutter", "free", "teach")
@@ -85,10 +86,10 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
     chosen = {name: case for name, case in cases().items() if options.only in name}
-    with ProcessPoolExecutor(options.jobs) as pool:
-        results = dict(
-            zip(chosen, tqdm(pool.map(run, chosen.values()), total=len(chosen)), strict=True)
-        )
+    cli.limit_linear_algebra()  # With more threads the last bits depend on what else runs.
+    with processes(options.jobs) as pool:
+        found = (map if pool is None else pool.map)(run, chosen.values())
+        results = dict(zip(chosen, tqdm(found, total=len(chosen)), strict=True))
     if options.write:
         rows = {name: asdict(result) for name, result in results.items()}
         options.write.write_text(json.dumps(rows, indent=1) + "\n")
