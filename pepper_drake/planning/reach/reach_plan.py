@@ -54,6 +54,8 @@ class ReachPlan:
         hip_pitch: Hip angle to lean to at a base placement [rad]; None to stay as now.
         look_at: Point at which the head should look to see the unseen space (3,) in W [m]; NaN if
             all was seen.
+        p_WO: Position of the goal object (3,) in W that it leads to [m]; None if nothing is said
+            of it.
     """
 
     __repr__ = short_repr
@@ -72,13 +74,15 @@ class ReachPlan:
     out_of_view: float = 0.0
     hip_pitch: float | None = None
     look_at: Vector = field(default_factory=lambda: np.full(3, np.nan))
+    p_WO: Vector | None = None
 
-    def flaw(self, p_WO: Vector, reach: float) -> str | None:
+    def flaw(self, p_WO: Vector, reach: float, tolerance: float) -> str | None:
         """Returns a sentence about a value that no correct planner returns, or None.
 
         Args:
-            p_WO: Position of the goal object (3,) in W [m].
+            p_WO: Position of the goal object (3,) in W when the planner was asked [m].
             reach: Largest distance of the base from the goal within the arm's reach [m].
+            tolerance: Largest distance of the plan's goal object from it [m].
         """
         if not np.isfinite(self.base_pose).all():
             return "the planner gave a base pose that is not a number"
@@ -92,6 +96,11 @@ class ReachPlan:
                 return f"the planner gave a hip angle of {self.hip_pitch:.2f} rad"
         if self.joint_path is not None and not np.isfinite(self.joint_path).all():
             return "the planner gave joint angles that are not numbers"
+        off = 0.0 if self.p_WO is None else float(np.linalg.norm(self.p_WO - p_WO))
+        if not off <= tolerance:
+            return (
+                f"the planner led the hand to a goal {1000 * off:.0f} mm from the one that is seen"
+            )
         return None
 
     def nearest(self, arm: ArmState) -> int:

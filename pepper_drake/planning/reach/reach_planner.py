@@ -195,8 +195,9 @@ class ReachPlanner:
         return evaluator.evaluate(evaluator.scenes(observation), self.demonstrated)
 
     def _with_unseen(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Adds the unseen part of the swept volume to a plan, which is then not clear."""
+        """Adds its goal to a plan and, making it not clear, the unseen part of the swept volume."""
         params, space = self.params.unseen, observation.space
+        plan = replace(plan, p_WO=observation.p_WO)
         if plan.status != PlanStatus.CLEAR or plan.joint_path is None or space is None:
             return plan
         unseen = self._unseen(plan.joint_path, plan.time_step, observation, space, params)

@@ -46,7 +46,7 @@ class Pending:
         due: Time at which it takes effect [s].
         effect: Its effect.
         plan: The resulting plan, if any.
-        observation: The observation behind the plan, if it is to be stored.
+        observation: The observation behind the plan, if it is to be stored or compared.
         suspended_plan: For a retreat, the plan to resume later.
         look_at: The place at which to look (3,) in W [m].
     """

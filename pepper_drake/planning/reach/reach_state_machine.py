@@ -111,8 +111,10 @@ class _Supervision(DriveSupervision):
         if plan.status == PlanStatus.CLEAR or result.effect == Effect.MOVEMENT:
             # Only a base placement must be near the goal; later the goal may have moved away.
             is_placed = result.effect == Effect.PLACEMENT
-            farthest = self._planner.params.obstacle_range if is_placed else np.inf
-            if (flaw := plan.flaw(self._observation.p_WO, farthest)) is not None:
+            params = self._planner.params
+            farthest = params.obstacle_range if is_placed else np.inf
+            p_WO = (result.observation or self._observation).p_WO
+            if (flaw := plan.flaw(p_WO, farthest, params.tolerance.moved)) is not None:
                 return state.fail(time, "plan_invalid", flaw)
         if result.effect == Effect.MOVEMENT:
             moving = state.to(ReachMode.REACHING, time)

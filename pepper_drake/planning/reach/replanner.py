@@ -96,7 +96,7 @@ class ReachReplanner:
             if detour.status == PlanStatus.CLEAR and (
                 is_under_way or detour.clearance >= self._replan_clearance(reach)
             ):
-                return state.later(Pending(due, Effect.MOVEMENT, detour))
+                return state.later(Pending(due, Effect.MOVEMENT, detour, observation))
             state = replace(state, checked=time, message="")
             if detour.status == PlanStatus.NOT_SEEN:
                 x, y, z = detour.look_at

@@ -368,6 +368,7 @@ NOBODY = np.zeros((0, 3))
 
 def test_on_its_way_the_arm_names_a_place_ahead_that_was_not_seen_lately(planner, at_the_table):
     plan = planner.check_reach(at_the_table)
+    np.testing.assert_array_equal(plan.p_WO, at_the_table.p_WO)
     middle = len(plan.joint_path) // 2
     context = MODEL.create_context()
     MODEL.plant.SetPositions(context, MODEL.positions(STAND, at_the_table.base_pose))

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform
 
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.reach_mode import ReachMode
@@ -69,6 +70,21 @@ def test_a_detour_takes_effect_a_planning_latency_after_its_observation():
     assert one.state.active_movement == 2
     assert one.state.plan is one.planner.detour
     assert one.planner.questions().count("replan") == 1
+
+
+def test_a_detour_to_another_place_than_the_goal_is_not_begun():
+    led_astray = replace(path_plan(), p_WO=X_WO.translation() + [0.0, 0.03, 0.04])
+    one = on_its_way(ahead=0.004, detour=led_astray)
+    one.look().failed("plan_invalid")
+    assert "50 mm from the one that is seen" in one.state.message
+
+
+def test_a_detour_to_a_goal_that_moves_on_while_it_is_planned_is_begun():
+    one = on_its_way(ahead=0.004, detour=replace(path_plan(), p_WO=X_WO.translation()))
+    one.look()
+    moved = RigidTransform(X_WO.rotation(), X_WO.translation() + [0.0, 0.0, 0.05])
+    one.set(X_WO=moved).advance(2.0 * LATENCY.plan)
+    assert one.state.plan is one.planner.detour
 
 
 def test_a_detour_starts_where_the_arm_will_be_when_it_takes_effect():
