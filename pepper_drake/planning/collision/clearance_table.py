@@ -23,13 +23,12 @@ class ClearanceTable:
 
     stop: float = 0.002
     """Clearance below which the safety monitor stops the arm [m]: twice the cloud's noise."""
-    start: float = 0.005
-    """Least clearance of an accepted plan [m]: `stop`, and three times the tracking error of a slow
-    arm, 1 mm."""
+    start: float = 0.006
+    """Least clearance of an accepted plan [m]: `stop` and an allowance for tracking errors."""
     slow: float = 0.009
-    """Clearance below which the arm is as slow as in unseen space [m]: `start`, and the tracking
-    error at 0.5 m/s, 4 mm. The fallback planner searches for paths with this clearance; their
-    optimisation widens it."""
+    """Clearance below which the arm is as slow as in unseen space [m]: more than `stop` and the
+    tracking error at 0.5 m/s, 4 mm. The fallback planner searches for paths with this clearance;
+    their optimisation widens it."""
     replan: float = 0.012
     """Clearance of the rest of a movement below which it is replanned [m]."""
     resume: float = 0.015
