@@ -57,7 +57,8 @@ class ReachReplanner:
             # The head looks at what the arm waits for: unseen, it would not be seen to leave.
             x, y, z = new.mean(axis=0)
             state = replace(state, look_at=(x, y, z))
-        if has_waited and self._stands(state, observation):
+        stands = has_waited and self._stands(state, observation)
+        if stands:
             # An obstacle that has stood still for the whole wait no longer counts as new.
             known = observation if state.planned_with is None else state.planned_with
             state = replace(state, planned_with=known.with_cloud(observation.obstacles))
@@ -94,7 +95,7 @@ class ReachReplanner:
         if is_free or has_waited or may_pass:
             detour = self._detour(state, reach, observation.with_arm(start), seen, is_free)
             if detour.status == PlanStatus.CLEAR and (
-                is_under_way or detour.clearance >= self._replan_clearance(reach)
+                is_under_way or stands or detour.clearance >= self._replan_clearance(reach)
             ):
                 return state.later(Pending(due, Effect.MOVEMENT, detour, observation))
             state = replace(state, checked=time, message="")
@@ -231,9 +232,11 @@ class ReachReplanner:
         detour = self.planner.replan(reach, around)
         is_at_rest = np.abs(observation.arm.velocity).max() < self.timing.at_rest
         waited = state.suspended_plan is not None and is_at_rest
-        if waited and detour.clearance < self.planner.params.clearance.resume:
+        is_clear = detour.status == PlanStatus.CLEAR
+        if waited and not (is_clear and detour.clearance >= self.planner.params.clearance.resume):
             anew = self.planner.check_reach(around)
-            if anew.status == PlanStatus.CLEAR and anew.clearance > detour.clearance:
+            is_better = not is_clear or anew.clearance > detour.clearance
+            if anew.status == PlanStatus.CLEAR and is_better:
                 return anew
         return detour
 

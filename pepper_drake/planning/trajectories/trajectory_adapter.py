@@ -264,12 +264,11 @@ class TrajectoryAdapter:
         """
         params = self.params
         ends = self._demonstrations[:, -1] if ends is None else ends
-        p_TG = X_TG.translation()
-        starts = np.concatenate((ends, self._postures.near(p_TG, params.starts)))
-        R_TG = X_TG.rotation().matrix()
-        q, there = self._postures.solve(p_TG, starts)
-        q = q[there]
+        p_TG, R_TG = X_TG.translation(), X_TG.rotation().matrix()
         axis, tolerance = self._axis
+        near = self._postures.near(p_TG, params.starts, R_TG, axis, tolerance)
+        q, there = self._postures.solve(p_TG, np.concatenate((ends, near)))
+        q = q[there]
         q = self._postures.well_turned(q, R_TG, axis, tolerance - params.turn_margin)
         turn = orientation_error(self._kinematics.poses(q).hand_rotation, R_TG)
         room = np.minimum(q - self._lower, self._upper - q).min(axis=1, initial=np.inf)

@@ -263,6 +263,28 @@ def test_an_arm_that_waited_goes_on_waiting_rather_than_by_a_very_narrow_path():
     assert one.state.suspended_plan is reach
 
 
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_narrow_path_past_what_stood_for_the_whole_wait_is_taken(stands):
+    one = waiting()
+    reach = one.state.suspended_plan
+    one.planner.reach = one.planner.detour = path_plan(clearance=0.007)
+    for step in range(round((TIMING.detour_delay + LATENCY.plan) / STEP) + 2):
+        if not stands:
+            one.set(predicted_cloud=BESIDE[None] + [0.0, 0.03 * step, 0.0])
+        one.look()
+    taken = (one.planner.detour, None) if stands else (one.state.plan, reach)
+    assert (one.state.plan, one.state.suspended_plan) == taken
+
+
+def test_an_arm_that_waited_looks_for_another_path_than_one_that_is_not_clear():
+    one = waiting()
+    one.planner.ahead, one.planner.reach = 0.02, path_plan(clearance=0.015)
+    one.planner.detour = replace(path_plan(clearance=0.03), status=PlanStatus.TURNED_AWAY)
+    one.look().advance(LATENCY.plan)
+    assert one.state.plan is one.planner.reach
+    assert one.state.suspended_plan is None
+
+
 def test_what_moves_is_waited_for_and_only_then_passed():
     one = on_its_way(ahead=0.0).set(predicted_cloud=BESIDE[None])
     reach = one.state.plan
