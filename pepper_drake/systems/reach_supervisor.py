@@ -246,7 +246,7 @@ class ReachSupervisor(LeafSystem):
         predicted = np.zeros((0, 3))
         if ports["predicted_cloud"].HasValue(context):
             predicted = cloud_points(value("predicted_cloud"))
-        reach = self._planner.params.new_obstacle.near
+        reach = self._planner.params.new_obstacle.max_goal_distance
         near = np.sum((predicted - X_WO.translation()) ** 2, axis=1) < reach**2
         fault = 0.0
         if ports["cloud_fault"].HasValue(context):

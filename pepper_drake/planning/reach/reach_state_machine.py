@@ -12,7 +12,7 @@ from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import NOWHERE, RESTS, Effect, Pending, ReachState
 from pepper_drake.planning.reach.replanner import ReachReplanner
-from pepper_drake.planning.reach.separation import changed_speed, speed_share
+from pepper_drake.planning.reach.separation import changed_speed, speed_fraction
 from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
 
 UNCONFIRMED = "reached_unconfirmed"
@@ -83,7 +83,7 @@ class _Supervision(DriveSupervision):
             return state.fail(time, "cloud_missing", self._observation.cloud_message)
         if complaint is not None:
             return state.fail(time, *complaint)
-        longest = timing.reach_timeout + min(state.slowed, timing.slow_reach)
+        longest = timing.reach_timeout + min(state.slowed, timing.max_slowdown_extension)
         if state.mode == ReachMode.REACHING and time - state.started > longest:
             message = f"the hand had not arrived {longest:.0f} s after the arm started"
             return self._fail(state, "timeout", message)
@@ -132,7 +132,7 @@ class _Supervision(DriveSupervision):
                 return replace(state, plan=None, look_at=(x, y, z))
             if not self._has_settled(state):
                 return replace(state, plan=None)  # The map still improves while the robot stands.
-            if self._may_drive(state) and state.places < self._timing.places:
+            if self._may_drive(state) and state.places < self._timing.max_base_placements:
                 return self._place_base(state)
             return state.fail(time, plan.status.value, plan.message)
         return self.placed(state, plan)
@@ -200,7 +200,7 @@ class _Supervision(DriveSupervision):
         if not state.active_movement or state.is_planning:
             return state  # The start of the plan being computed was predicted at this speed.
         params, stale = self._timing.separation, state.stale
-        wanted = speed_share(stale._replace(time=stale.time - state.performed), params)
+        wanted = speed_fraction(stale._replace(time=stale.time - state.performed), params)
         speed = changed_speed(state.speed, wanted, self._timing.time_step, params)
         return state if speed == state.speed else replace(state, speed=speed)
 
@@ -229,7 +229,7 @@ class _Supervision(DriveSupervision):
             if time - state.still_since >= timing.dwell - ROUNDING:
                 return state.to(ReachMode.HOLDING, time)
             return state
-        if elapsed > timing.reaching_timeout * self._observation.tau:
+        if elapsed > timing.movement_timeout_ratio * self._observation.tau:
             if error <= tolerance.accept:
                 return state.to(ReachMode.HOLDING, time)
             message = f"the hand stayed {1000 * error:.0f} mm from its goal"

@@ -112,17 +112,19 @@ class ReachReplanner:
             return np.zeros((0, 3))
         params = self.planner.params.new_obstacle
         new = new_points(observation.cloud, began.cloud_tree, observation.p_WO, params)
-        return new if len(new) >= params.fewest else new[:0]
+        return new if len(new) >= params.min_points else new[:0]
 
     def hanging(self, observation: Observation) -> Vector:
         """Returns points (N, 3) of things near the goal that hang in the air, in W [m]."""
         space, params = observation.space, self.planner.params.new_obstacle
-        near = np.linalg.norm(observation.cloud - observation.p_WO, axis=1) < params.near
+        near = (
+            np.linalg.norm(observation.cloud - observation.p_WO, axis=1) < params.max_goal_distance
+        )
         if space is None or not near.any():
             return np.zeros((0, 3))
         cloud = observation.cloud[near]
         cloud = cloud[~carries_object(cloud, observation.p_WO, params)]
-        hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.fewest)
+        hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.min_points)
         return cloud[hangs]
 
     def _retreat_separation(
@@ -137,7 +139,7 @@ class ReachReplanner:
         if not len(new):
             return StaleSpace()
         rest = self.planner.remaining_clearance(plan, observation.with_cloud(new))
-        soon = rest.distances[rest.times <= self.planner.params.new_obstacle.left_within]
+        soon = rest.distances[rest.times <= self.planner.params.new_obstacle.escape_time]
         if soon[-1] > soon[0]:
             return StaleSpace()
         return self.planner.stale_space(plan, observation, new, new[:0])._replace(time=np.inf)
@@ -145,7 +147,7 @@ class ReachReplanner:
     def _replan_clearance(self, plan: ReachPlan) -> float:
         """Returns the clearance below which a movement is replanned [m]."""
         return min(
-            self.planner.params.clearance.replan, plan.clearance - self.timing.clearance_lost
+            self.planner.params.clearance.replan, plan.clearance - self.timing.replan_clearance_loss
         )
 
     def _has_waited(self, state: ReachState, time: float) -> bool:
@@ -160,9 +162,9 @@ class ReachReplanner:
             return True
         if before is None or not len(before.predicted_cloud):
             return False
-        stands_within = self.planner.params.new_obstacle.stands_within
+        stationary_tolerance = self.planner.params.new_obstacle.stationary_tolerance
         tree = cKDTree(before.predicted_cloud)
-        distances = tree.query(predicted, distance_upper_bound=stands_within)[0]
+        distances = tree.query(predicted, distance_upper_bound=stationary_tolerance)[0]
         return bool(np.isfinite(distances).all())
 
     def _with_hidden_sides(self, state: ReachState, observation: Observation) -> Vector:

@@ -145,7 +145,7 @@ def test_the_hand_passes_around_what_an_unseen_goal_object_must_stand_on(true_cl
     plan = make_planner(
         MovementPrimitive.fit(shown, check=False),
         make_coupling("barrier"),
-        unseen=UnseenSpaceParams(accept=True),
+        unseen=UnseenSpaceParams(allow_motion=True),
     ).check_reach(nothing_seen)
     assert plan.status == PlanStatus.CLEAR
     x, y = np.meshgrid(np.linspace(-0.055, 0.055, 17), np.linspace(-0.055, 0.055, 17))
