@@ -17,7 +17,7 @@ _POSITIVE = (
     "controller.tracking_rate",
     "perception.marker.edges.blurred_growth",
     *(
-        f"perception.{camera}.{views}.most_views"
+        f"perception.{camera}.{views}.max_views"
         for camera in ("obstacles", "stereo_obstacles")
         for views in ("memory", "approach")
     ),

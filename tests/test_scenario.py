@@ -230,7 +230,7 @@ def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
         ("controller.catch_up_steps=0", "must be positive"),
         ("planner.rest_fraction=1", "below 1"),
         ("perception.marker.edges.blurred_growth=0", "must be positive"),
-        ("perception.obstacles.memory.most_views=0", "must be positive"),
+        ("perception.obstacles.memory.max_views=0", "must be positive"),
     ],
 )
 def test_numbers_that_the_loop_divides_by_are_refused_where_they_are_set(setting, words):

@@ -57,9 +57,9 @@ class SeenSpace:
         """
         if view.depth.size == 0:
             return replace(self, voxels=voxels)
-        most_alike, most = self.parameters.most_alike, self.parameters.most_views
+        max_similar_views, most = self.parameters.max_similar_views, self.parameters.max_views
         alike = [one for one in self.views if view.is_like(one, self.parameters)]
-        alike = alike[: max(len(alike) + 1 - most_alike, 0)]
+        alike = alike[: max(len(alike) + 1 - max_similar_views, 0)]
         others = tuple(one for one in self.views if not any(one is old for old in alike))
         return replace(self, voxels=voxels, views=(*others, view)[-most:])
 
