@@ -136,6 +136,11 @@ _FIELDS = {
         "clearance_lost": "replan_clearance_loss",
     },
     "supervisor.separation": {"slowest": "min_speed_fraction"},
+    "compliance.tracking": {
+        "stopping": "slowdown_gain",
+        "pull": "coupling_gain",
+        "ignored": "dead_zone",
+    },
 } | {
     f"perception.{camera}.{group}": names
     for camera in ("obstacles", "stereo_obstacles")

@@ -32,7 +32,7 @@ from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachCommand
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
-from pepper_drake.planning.reach.reach_state import ReachState, obey
+from pepper_drake.planning.reach.reach_state import ReachState, apply_command
 from pepper_drake.planning.reach.reach_state_machine import step
 from pepper_drake.planning.safety.command_check import StopReason
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
@@ -308,7 +308,7 @@ class ReachSupervisor(LeafSystem):
         command = self._ports["command"]
         if command.HasValue(context):
             wanted = ReachCommand(int(command.Eval(context)[0]))
-            after = obey(before, wanted, context.get_time())
+            after = apply_command(before, wanted, context.get_time())
         planner = self.planner(context)
         after = step(after, self.observe(context), planner, self._timing)
         if after is before:

@@ -16,7 +16,7 @@ from pepper_drake.perception.mapping.dynamic_obstacles import (
     NewPoints,
     TrackedObstacle,
     associate,
-    last_seen_of_things,
+    last_seen_of_clusters,
     predict_occupancy,
 )
 from pepper_drake.perception.mapping.near_field_occlusion import (
@@ -240,7 +240,7 @@ def _without_departed(
     seen = voxels.hit_times[transient]
     if not np.any(time - seen > parameters.transient_timeout):
         return voxels
-    seen = last_seen_of_things(voxels.positions[transient], seen, parameters)
+    seen = last_seen_of_clusters(voxels.positions[transient], seen, parameters)
     kept = np.ones(len(is_transient), dtype=bool)
     kept[transient] = time - seen <= parameters.transient_timeout
     return voxels.select(kept)

@@ -324,7 +324,7 @@ def _thinned(points: Points, spacing: float) -> npt.NDArray[np.int64]:
     return np.asarray(np.unique(voxel_keys(points, spacing), return_index=True)[1])
 
 
-def last_seen_of_things(
+def last_seen_of_clusters(
     points: Points, times: npt.NDArray[np.float64], parameters: ApproachParameters
 ) -> npt.NDArray[np.float64]:
     """Returns when any part of each point's object was last seen (N,) [s].
@@ -338,13 +338,13 @@ def last_seen_of_things(
     """
     if not len(points):
         return times
-    labels = thing_labels(points, parameters.gap)
+    labels = cluster_labels(points, parameters.gap)
     latest = np.full(labels.max() + 1, -np.inf)
     np.maximum.at(latest, labels, times)
     return np.asarray(latest[labels])
 
 
-def thing_labels(points: Points, gap: float) -> npt.NDArray[np.int32]:
+def cluster_labels(points: Points, gap: float) -> npt.NDArray[np.int32]:
     """Returns the label (N,) of the cluster that each point belongs to."""
     one, other = cKDTree(points).query_pairs(gap, output_type="ndarray").T
     near = coo_array((np.ones(len(one), np.int8), (one, other)), (len(points), len(points)))
@@ -355,6 +355,6 @@ def _clusters(points: Points, parameters: ApproachParameters) -> list[npt.NDArra
     """Returns the indices of the points of each cluster that is large enough."""
     if len(points) < parameters.min_points:
         return []
-    labels = thing_labels(points, parameters.gap)
+    labels = cluster_labels(points, parameters.gap)
     sizes = np.bincount(labels)
     return [np.flatnonzero(labels == k) for k in np.flatnonzero(sizes >= parameters.min_points)]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame, thing_labels
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame, cluster_labels
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters, voxel_keys
 from pepper_drake.short_repr import short_repr
 
@@ -141,7 +141,7 @@ class SeenSpace:
         hangs = np.zeros(len(p_W), dtype=bool)
         if not len(p_W):
             return hangs
-        labels = thing_labels(p_W, gap)
+        labels = cluster_labels(p_W, gap)
         for thing in np.flatnonzero(np.bincount(labels) >= least):
             points = p_W[labels == thing]
             lowest = points[points[:, 2] < points[:, 2].min() + gap]

@@ -68,12 +68,13 @@ class _Supervision(DriveSupervision):
     def fault(self, state: ReachState) -> ReachState | None:
         """Returns the failed state if the reach cannot go on, else None."""
         observation, timing, time = self._observation, self._timing, self._time
-        stop, complaint = observation.stop_reason, state.steadiness.complaint(timing.steadiness)
+        stop = observation.stop_reason
+        unsteady = state.steadiness.unsteady_signal(timing.steadiness)
         if stop != StopReason.NONE:
             sentence = stop_sentence(stop, observation.stop_joint)
-            if complaint is None or stop == StopReason.REQUESTED:
+            if unsteady is None or stop == StopReason.REQUESTED:
                 return state.fail(time, stop.name.lower(), sentence)
-            return state.fail(time, complaint[0], f"{complaint[1]}; {sentence}")
+            return state.fail(time, unsteady[0], f"{unsteady[1]}; {sentence}")
         if state.mode == ReachMode.LOOKING:
             return None
         if observation.goal_age > timing.goal_lost:
@@ -81,8 +82,8 @@ class _Supervision(DriveSupervision):
             return self._goal_unseen(state, "goal_lost", message)
         if observation.cloud_age > timing.cloud_lost:
             return state.fail(time, "cloud_missing", self._observation.cloud_message)
-        if complaint is not None:
-            return state.fail(time, *complaint)
+        if unsteady is not None:
+            return state.fail(time, *unsteady)
         longest = timing.reach_timeout + min(state.slowed, timing.max_slowdown_extension)
         if state.mode == ReachMode.REACHING and time - state.started > longest:
             message = f"the hand had not arrived {longest:.0f} s after the arm started"
@@ -114,8 +115,8 @@ class _Supervision(DriveSupervision):
             params = self._planner.params
             farthest = params.obstacle_range if is_placed else np.inf
             p_WO = (result.observation or self._observation).p_WO
-            if (flaw := plan.flaw(p_WO, farthest, params.tolerance.moved)) is not None:
-                return state.fail(time, "plan_invalid", flaw)
+            if (invalid := plan.invalid_reason(p_WO, farthest, params.tolerance.moved)) is not None:
+                return state.fail(time, "plan_invalid", invalid)
         if result.effect == Effect.MOVEMENT:
             moving = state.to(ReachMode.REACHING, time)
             return moving.with_plan(plan, time, result.suspended_plan)

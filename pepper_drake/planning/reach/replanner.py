@@ -45,7 +45,7 @@ class ReachReplanner:
     def is_free(self, plan: ReachPlan, observation: Observation) -> bool:
         """True if the rest of a plan's path keeps its clearance."""
         rest = self.planner.remaining_clearance(plan, observation)
-        return rest.least >= self._replan_clearance(plan)
+        return rest.minimum >= self._replan_clearance(plan)
 
     def __call__(self, state: ReachState, observation: Observation) -> ReachState:
         """Returns the state after a new cloud, with decisions in `pending`."""
@@ -76,7 +76,7 @@ class ReachReplanner:
             state = replace(state, look_at=stale.place, stale=stale)
         elif not state.braking:
             state = replace(state, stale=self._retreat_separation(plan, observation, new))
-        is_free = rest.least >= self._replan_clearance(reach)
+        is_free = rest.minimum >= self._replan_clearance(reach)
         if is_free and is_under_way and not state.braking:
             return state
         # The arm will retreat from a moving obstacle anyway, so it brakes at once.
@@ -251,6 +251,6 @@ class ReachReplanner:
             seen = seen.with_cloud(np.concatenate((seen.cloud, state.planned_with.cloud)))
         retreat = self.planner.plan_retreat(plan, seen)
         rest = self.planner.remaining_clearance(plan, seen)
-        if waits and retreat.clearance <= rest.least:
+        if waits and retreat.clearance <= rest.minimum:
             return state  # There is no better place than where the arm is going.
         return state.later(Pending(due, Effect.MOVEMENT, retreat, suspended_plan=reach))

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.perception.mapping.dynamic_obstacles import thing_labels
+from pepper_drake.perception.mapping.dynamic_obstacles import cluster_labels
 from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
 
 Vector = npt.NDArray[np.float64]
@@ -189,7 +189,7 @@ def carries_object(
     band = np.flatnonzero((height > -params.carrier_depth) & (height < params.hanging_gap))
     carriers = np.zeros(len(cloud), dtype=bool)
     if len(band):
-        labels = thing_labels(cloud[band], params.hanging_gap)
+        labels = cluster_labels(cloud[band], params.hanging_gap)
         carries = np.abs(height[band]) < params.hanging_gap
         carries &= np.linalg.norm(above_foot[band, :2], axis=1) < params.carrier_near
         carriers[band] = np.isin(labels, labels[carries])
