@@ -123,7 +123,7 @@ ALLOWED = {
     "planning/safety/safe_command.py": {"numeric": "_SAME"},
     "planning/reach/barrier_for_path.py": {"numeric": "_CANDIDATE_DISTANCES"},
     "planning/reach/base_placement.py": {"numeric": "_BATCH"},
-    "planning/reach/lean_params.py": {"geometry": "LEAST_HIP_PITCH MOST_HIP_PITCH"},
+    "planning/reach/lean_params.py": {"geometry": "MIN_HIP_PITCH MAX_HIP_PITCH"},
     "planning/reach/movement_from_path.py": {"numeric": "_SAMPLES"},
     "planning/reach/observation.py": {"format": "_FUTURE"},
     "planning/reach/drive_supervision.py": {"numeric": "ROUNDING"},

@@ -49,10 +49,10 @@ class VoxelMapParameters:
         max_weight: Largest number of points that a voxel's mean weighs, so that it follows slow
             changes.
         settled_score: Score of voxels seen often enough to check images against.
-        alike_distance: Views whose cameras are closer than this [m], ...
-        alike_angle: ... and rotated by less than this [rad], are similar.
-        most_alike: Number of similar views that are kept, ...
-        most_views: ... and of all views; the oldest is dropped first.
+        similar_distance: Views whose cameras are closer than this [m], ...
+        similar_angle: ... and rotated by less than this [rad], are similar.
+        max_similar_views: Number of similar views that are kept, ...
+        max_views: ... and of all views; the oldest is dropped first.
     """
 
     __signature__ = short_signature
@@ -68,10 +68,10 @@ class VoxelMapParameters:
     max_distance: float = 3.0
     max_weight: float = 40.0
     settled_score: int = 3
-    alike_distance: float = 0.15
-    alike_angle: float = 0.15
-    most_alike: int = 3
-    most_views: int = 32
+    similar_distance: float = 0.15
+    similar_angle: float = 0.15
+    max_similar_views: int = 3
+    max_views: int = 32
 
     def __post_init__(self) -> None:
         if not self.voxel_size > 0:

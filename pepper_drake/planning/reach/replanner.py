@@ -45,7 +45,7 @@ class ReachReplanner:
     def is_free(self, plan: ReachPlan, observation: Observation) -> bool:
         """True if the rest of a plan's path keeps its clearance."""
         rest = self.planner.remaining_clearance(plan, observation)
-        return rest.least >= self._replan_clearance(plan)
+        return rest.minimum >= self._replan_clearance(plan)
 
     def __call__(self, state: ReachState, observation: Observation) -> ReachState:
         """Returns the state after a new cloud, with decisions in `pending`."""
@@ -77,7 +77,7 @@ class ReachReplanner:
             state = replace(state, look_at=stale.place, stale=stale)
         elif not state.braking:
             state = replace(state, stale=self._retreat_separation(plan, observation, new))
-        is_free = rest.least >= self._replan_clearance(reach)
+        is_free = rest.minimum >= self._replan_clearance(reach)
         if is_free and is_under_way and not state.braking:
             return state
         # The arm will retreat from a moving obstacle anyway, so it brakes at once.
@@ -113,17 +113,19 @@ class ReachReplanner:
             return np.zeros((0, 3))
         params = self.planner.params.new_obstacle
         new = new_points(observation.cloud, began.cloud_tree, observation.p_WO, params)
-        return new if len(new) >= params.fewest else new[:0]
+        return new if len(new) >= params.min_points else new[:0]
 
     def hanging(self, observation: Observation) -> Vector:
         """Returns points (N, 3) of things near the goal that hang in the air, in W [m]."""
         space, params = observation.space, self.planner.params.new_obstacle
-        near = np.linalg.norm(observation.cloud - observation.p_WO, axis=1) < params.near
+        near = (
+            np.linalg.norm(observation.cloud - observation.p_WO, axis=1) < params.max_goal_distance
+        )
         if space is None or not near.any():
             return np.zeros((0, 3))
         cloud = observation.cloud[near]
         cloud = cloud[~carries_object(cloud, observation.p_WO, params)]
-        hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.fewest)
+        hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.min_points)
         return cloud[hangs]
 
     def _retreat_separation(
@@ -138,7 +140,7 @@ class ReachReplanner:
         if not len(new):
             return StaleSpace()
         rest = self.planner.remaining_clearance(plan, observation.with_cloud(new))
-        soon = rest.distances[rest.times <= self.planner.params.new_obstacle.left_within]
+        soon = rest.distances[rest.times <= self.planner.params.new_obstacle.escape_time]
         if soon[-1] > soon[0]:
             return StaleSpace()
         return self.planner.stale_space(plan, observation, new, new[:0])._replace(time=np.inf)
@@ -146,7 +148,7 @@ class ReachReplanner:
     def _replan_clearance(self, plan: ReachPlan) -> float:
         """Returns the clearance below which a movement is replanned [m]."""
         return min(
-            self.planner.params.clearance.replan, plan.clearance - self.timing.clearance_lost
+            self.planner.params.clearance.replan, plan.clearance - self.timing.replan_clearance_loss
         )
 
     def _has_waited(self, state: ReachState, time: float) -> bool:
@@ -161,9 +163,9 @@ class ReachReplanner:
             return True
         if before is None or not len(before.predicted_cloud):
             return False
-        stands_within = self.planner.params.new_obstacle.stands_within
+        stationary_tolerance = self.planner.params.new_obstacle.stationary_tolerance
         tree = cKDTree(before.predicted_cloud)
-        distances = tree.query(predicted, distance_upper_bound=stands_within)[0]
+        distances = tree.query(predicted, distance_upper_bound=stationary_tolerance)[0]
         return bool(np.isfinite(distances).all())
 
     def _with_hidden_sides(self, state: ReachState, observation: Observation) -> Vector:
@@ -252,6 +254,6 @@ class ReachReplanner:
             seen = seen.with_cloud(np.concatenate((seen.cloud, state.planned_with.cloud)))
         retreat = self.planner.plan_retreat(plan, seen)
         rest = self.planner.remaining_clearance(plan, seen)
-        if waits and retreat.clearance <= rest.least:
+        if waits and retreat.clearance <= rest.minimum:
             return state  # There is no better place than where the arm is going.
         return state.later(Pending(due, Effect.MOVEMENT, retreat, suspended_plan=reach))

@@ -22,7 +22,7 @@ class SupportSurfaceParams:
     """Largest height difference of the surface's points to the goal object's bottom [m]."""
     stripe: float = 0.04
     """Width of the stripes in which the front edge is searched for [m]."""
-    least_stripes: int = 5
+    min_stripes: int = 5
     """Least number of stripes that define an edge."""
     aside: float = 0.5
     """Extent of the extrapolated surface to the sides [m]."""
@@ -56,7 +56,7 @@ def extrapolate_support_surface(
     surface = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
     ahead = p_WO[:2] - p_WB[:2]
     distance = np.linalg.norm(ahead)
-    if len(surface) < params.least_stripes or distance < 1e-6:
+    if len(surface) < params.min_stripes or distance < 1e-6:
         return np.zeros((0, 3))
     ahead = ahead / distance
     left = np.array([-ahead[1], ahead[0]])
@@ -64,7 +64,7 @@ def extrapolate_support_surface(
     depth = (surface[:, :2] - p_WB[:2]) @ ahead
     stripes = np.floor(along / params.stripe).astype(int)
     numbers, index = np.unique(stripes, return_inverse=True)
-    if len(numbers) < params.least_stripes:
+    if len(numbers) < params.min_stripes:
         return np.zeros((0, 3))
     front = np.full(len(numbers), np.inf)
     np.minimum.at(front, index, depth)

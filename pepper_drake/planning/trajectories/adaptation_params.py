@@ -25,7 +25,7 @@ class AdaptationParams:
     search: PathSearchParams = field(default_factory=PathSearchParams)
     samples: int = 50
     """Number of samples of a path."""
-    starts: int = 150
+    ik_seeds: int = 150
     """Number of library postures at which the inverse kinematics of the goal starts."""
     goals_kept: int = 3
     """Goal configurations per demonstration."""
@@ -49,7 +49,7 @@ class AdaptationParams:
     """Least clearance slack of an accepted path [m]."""
     corner_slack: float = 0.001
     """Clearance by which a sampled path may be below that of its start and goal [m]."""
-    speed_share: float = 0.4
+    speed_fraction: float = 0.4
     """Fraction of the rated joint velocities that a path may use."""
-    acceleration_share: float = 0.8
+    acceleration_fraction: float = 0.8
     """Fraction of the joints' acceleration limits that a path may use."""

@@ -47,7 +47,7 @@ TIMING = ReachTiming(
     settling=0.4,
     goal_lost=3.0,
     holding=0.5,
-    reaching_timeout=2.0,
+    movement_timeout_ratio=2.0,
 )
 
 DEMONSTRATED = Movement(make_primitive(None, "right"), BarrierCoupling(), RigidTransform())

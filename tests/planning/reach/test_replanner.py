@@ -213,7 +213,7 @@ def test_an_arm_that_retreats_does_not_brake_for_what_it_flees_from():
 
 def test_a_detour_keeps_more_distance_from_new_obstacles_than_the_check():
     one = on_its_way(ahead=0.004).set(cloud=BESIDE[None]).look()
-    for name, reach in (("remaining_clearance", 0.0), ("replan", NewObstacleParams().side)):
+    for name, reach in (("remaining_clearance", 0.0), ("replan", NewObstacleParams().dilation)):
         aside = np.linalg.norm((one.planner.last(name).cloud - BESIDE)[:, :2], axis=1).max()
         assert aside == pytest.approx(reach, abs=1e-9)
 

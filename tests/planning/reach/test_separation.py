@@ -11,7 +11,7 @@ from pepper_drake.planning.reach.separation import (
     StaleSpace,
     changed_speed,
     separated_speed,
-    speed_share,
+    speed_fraction,
 )
 from tests.planning.reach.scripted_planner import BESIDE, CLOUD, NO_DETOUR, STALE, on_its_way
 
@@ -21,10 +21,10 @@ STEP = 0.01
 
 @given(time=st.floats(0.0, 3.0), fastest=st.floats(0.0, 1.5))
 def test_an_arm_that_keeps_to_its_share_stands_before_the_space_or_touches_gently(time, fastest):
-    speed = speed_share(StaleSpace((0.0, 0.0, 0.0), time, fastest), PARAMS)
+    speed = speed_fraction(StaleSpace((0.0, 0.0, 0.0), time, fastest), PARAMS)
     assert 0.0 < speed <= 1.0
     passed = speed * PARAMS.reaction
-    while speed * fastest > PARAMS.touch_speed + 1e-9 and speed > PARAMS.slowest:
+    while speed * fastest > PARAMS.touch_speed + 1e-9 and speed > PARAMS.min_speed_fraction:
         passed += speed * STEP
         speed = changed_speed(speed, 0.0, STEP, PARAMS)
         if passed > time + 1.5 * STEP:
@@ -32,9 +32,9 @@ def test_an_arm_that_keeps_to_its_share_stands_before_the_space_or_touches_gentl
 
 
 def test_space_that_was_seen_slows_nothing_down_and_more_time_never_slows_down():
-    assert speed_share(StaleSpace(), PARAMS) == 1.0
+    assert speed_fraction(StaleSpace(), PARAMS) == 1.0
     times = np.linspace(0.0, 1.0, 50)
-    shares = [speed_share(StaleSpace((0.0, 0.0, 0.0), t, 0.5), PARAMS) for t in times]
+    shares = [speed_fraction(StaleSpace((0.0, 0.0, 0.0), t, 0.5), PARAMS) for t in times]
     assert np.all(np.diff(shares) >= 0.0)
     assert shares[0] == pytest.approx(PARAMS.touch_speed / 0.5)
     assert shares[-1] == 1.0
