@@ -36,6 +36,7 @@ _POSITIVE = (
             "adaptation.search.generations",
             "adaptation.search.perturbation_basis",
             "adaptation.speed_fraction",
+            "adaptation.ik_candidates",
             "adaptation.ik_seeds",
             "adaptation.turn",
             "support_surface.spacing",

@@ -90,7 +90,7 @@ ALLOWED = {
     "perception/mapping/near_field_occlusion.py": {"numeric": "_PITCH _STEP _BORDER _BESIDE"},
     "perception/mapping/projector_shadow.py": {"geometry": "BOTH_SIDES"},
     "perception/mapping/voxel_map.py": {
-        "layout": "_KEY_BITS _KEY_OFFSET",
+        "layout": "_FINE_KEYS _KEY_BITS _KEY_OFFSET",
         "numeric": "_LEAST_PIXELS",
     },
     "perception/stereo/matching.py": {"geometry": "STEREO_BASELINE _EYE"},

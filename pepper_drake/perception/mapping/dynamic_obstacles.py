@@ -23,7 +23,7 @@ from pepper_drake.perception.mapping.voxel_map import (
     VoxelMapParameters,
     is_free_space,
     minimum_depth,
-    voxel_keys,
+    one_per_voxel,
 )
 
 Points = npt.NDArray[np.floating]
@@ -185,7 +185,7 @@ def associate(
         The tracked obstacles after the image.
     """
     bodies = [seen[chosen] for chosen in _clusters(seen, parameters)] if len(come.points) else []
-    thin = _thinned(come.points, 0.5 * parameters.spacing)
+    thin = one_per_voxel(come.points, 0.5 * parameters.spacing)
     unmatched = list(things)
     known = []
     for chosen in _clusters(come.points[thin], parameters):
@@ -240,12 +240,12 @@ def predict_occupancy(
         end = speedup * (min(unseen_for, parameters.extrapolated) + parameters.horizon)
         steps = np.linspace(0.0, end, int(np.ceil(speed * end / parameters.spacing)) + 1)
         swept = np.concatenate([obstacle.moved(step) for step in steps])
-        swept = swept[_thinned(swept, parameters.spacing)]
+        swept = swept[one_per_voxel(swept, parameters.spacing)]
         if unseen_for > 0.0:
             swept = swept[~now.sees_free_space(swept, memory)]
         predictions.append(swept)
     soon = np.concatenate(predictions)
-    return soon[_thinned(soon, parameters.spacing)].astype(float)
+    return soon[one_per_voxel(soon, parameters.spacing)].astype(float)
 
 
 def estimate_velocity(
@@ -317,11 +317,6 @@ def _match(
         if distance < smallest and moved <= parameters.max_speed * age + parameters.gap:
             best, smallest = number, distance
     return best
-
-
-def _thinned(points: Points, spacing: float) -> npt.NDArray[np.int64]:
-    """Returns the index of one point of each voxel of that size."""
-    return np.asarray(np.unique(voxel_keys(points, spacing), return_index=True)[1])
 
 
 def last_seen_of_clusters(

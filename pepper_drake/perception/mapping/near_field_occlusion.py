@@ -29,7 +29,7 @@ from pepper_drake.perception.mapping.projector_shadow import (
     learn_projector_side,
 )
 from pepper_drake.perception.mapping.solids import ExcludedSolids
-from pepper_drake.perception.mapping.voxel_map import voxel_keys
+from pepper_drake.perception.mapping.voxel_map import one_per_voxel
 
 Points = npt.NDArray[np.floating]
 Mask = npt.NDArray[np.bool_]
@@ -118,9 +118,7 @@ def background_points(
     measured = (z > intrinsics.near + parameters.beyond) & (z < parameters.farthest)
     p_W = (rays[measured] * z[measured][:, None]) @ X_WC.rotation().matrix().T
     points = np.concatenate((p_W + X_WC.translation(), before[kept]))
-    return np.asarray(
-        points[np.unique(voxel_keys(points, parameters.spacing), return_index=True)[1]]
-    )
+    return np.asarray(points[one_per_voxel(points, parameters.spacing)])
 
 
 def unexplained_holes(

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame, cluster_labels
-from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters, voxel_keys
+from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters, one_per_voxel
 from pepper_drake.short_repr import short_repr
 
 Points = npt.NDArray[np.floating]
@@ -115,7 +115,7 @@ class SeenSpace:
             spacing: Spacing of places, also of the seen ones used [m].
         """
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
-        below = p_W[np.unique(voxel_keys(p_W, spacing), return_index=True)[1]]
+        below = p_W[one_per_voxel(p_W, spacing)]
         # Nearer places count as occupied by the seen place itself.
         below = below - [0.0, 0.0, self.parameters.voxel_size + self.parameters.carve_margin]
         hidden = []

@@ -23,7 +23,7 @@ class ClearanceTable:
 
     stop: float = 0.002
     """Clearance below which the safety monitor stops the arm [m]: twice the cloud's noise."""
-    start: float = 0.006
+    start: float = 0.005
     """Least clearance of an accepted plan [m]: `stop` and an allowance for tracking errors."""
     slow: float = 0.009
     """Clearance below which the arm is as slow as in unseen space [m]: more than `stop` and the

@@ -17,8 +17,6 @@ Vector = npt.NDArray[np.float64]
 
 _LIBRARY_SIZE = 20000
 _SEED = 1
-_POOL = 1000
-"""Number of the library's postures among which those turned well are looked for."""
 _STEPS, _DAMPING = 8, 0.01
 """Number of damped least-squares steps, and their damping [m/rad]."""
 _TOLERANCE = 2e-4
@@ -44,12 +42,18 @@ class GoalConfigurations:
         self._hands, self._rotations = cKDTree(poses.hand_position), poses.hand_rotation
 
     def near(
-        self, p_TH: Vector, count: int, R_TG: Vector, axis: npt.ArrayLike, tolerance: float
+        self,
+        p_TH: Vector,
+        count: int,
+        R_TG: Vector,
+        axis: npt.ArrayLike,
+        tolerance: float,
+        among: int,
     ) -> Vector:
         """Returns the library's postures (count, 5) [rad] with hands nearest to a point.
 
-        Those whose hand axis is close to the goal's come first, as far as there are any among the
-        `_POOL` nearest: where few are, hardly any of the nearest ones is of use.
+        Those whose hand axis is close to the goal's come first: where few are, hardly any of the
+        very nearest is of use.
 
         Args:
             p_TH: The point (3,) in T [m].
@@ -57,8 +61,9 @@ class GoalConfigurations:
             R_TG: Orientation of the goal (3, 3).
             axis: Axis (3,) in H.
             tolerance: Largest angle between the axes [rad].
+            among: Number of the nearest postures from which they are chosen.
         """
-        nearest = np.asarray(self._hands.query(p_TH, k=max(count, _POOL))[1])
+        nearest = np.asarray(self._hands.query(p_TH, k=max(count, among))[1])
         turned = axis_error(self._rotations[nearest], R_TG, axis) <= tolerance
         return self._joints[nearest[np.argsort(~turned, kind="stable")[:count]]]
 

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from pepper_drake.perception.mapping.voxel_map import one_per_voxel
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
@@ -113,6 +114,7 @@ class ReachReplanner:
             return np.zeros((0, 3))
         params = self.planner.params.new_obstacle
         new = new_points(observation.cloud, began.cloud_tree, observation.p_WO, params)
+        new = new[one_per_voxel(new, params.spacing)]
         return new if len(new) >= params.min_points else new[:0]
 
     def hanging(self, observation: Observation) -> Vector:
@@ -125,6 +127,7 @@ class ReachReplanner:
             return np.zeros((0, 3))
         cloud = observation.cloud[near]
         cloud = cloud[~carries_object(cloud, observation.p_WO, params)]
+        cloud = cloud[one_per_voxel(cloud, params.spacing)]
         hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.min_points)
         return cloud[hangs]
 

@@ -16,7 +16,7 @@ from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import camera_pose
 from pepper_drake.perception.gaze.view_planning import widest_view, within_possible_view
 from pepper_drake.perception.mapping.seen_space import SeenSpace, describe_place
-from pepper_drake.perception.mapping.voxel_map import voxel_keys
+from pepper_drake.perception.mapping.voxel_map import one_per_voxel
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
 from pepper_drake.planning.collision.body_clearance import BodyClearance, at_base_poses, drive_poses
 
@@ -187,7 +187,7 @@ def unseen_drive_space(
         leant = at_base_poses(body.solid_points(posture, params.cell), goal[None])[0]
         p_W = np.concatenate((p_W, leant))
         index = np.concatenate((index, np.full(len(leant), len(poses) - 1)))
-    taken = np.unique(voxel_keys(p_W, params.cell), return_index=True)[1]
+    taken = one_per_voxel(p_W, params.cell)
     taken = taken[p_W[taken, 2] > params.floor]
     p_W, index = p_W[taken], index[taken]
     own = cKDTree(at_base_poses(solid, base_pose[None])[0])
@@ -214,7 +214,7 @@ def _unseen_places(
 ) -> UnseenSpace:
     """Returns the regions of places (N, 3) that were not seen at most `oldest` (N,) [s] ago."""
     unseen = np.flatnonzero(space.unseen(p_W, time, oldest=oldest))
-    unseen = unseen[np.unique(voxel_keys(p_W[unseen], params.cell), return_index=True)[1]]
+    unseen = unseen[one_per_voxel(p_W[unseen], params.cell)]
     around = p_W[unseen, None] + params.thickness * np.concatenate((np.eye(3), -np.eye(3)))
     limits = np.repeat(oldest[unseen], 6)
     sides = space.unseen(around.reshape(-1, 3), time, oldest=limits).reshape(-1, 6)

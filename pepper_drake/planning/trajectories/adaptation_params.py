@@ -27,6 +27,9 @@ class AdaptationParams:
     """Number of samples of a path."""
     ik_seeds: int = 150
     """Number of library postures at which the inverse kinematics of the goal starts."""
+    ik_candidates: int = 1000
+    """Number of library postures, those nearest to the goal, among which the ones with a well
+    turned hand are chosen first."""
     goals_kept: int = 3
     """Goal configurations per demonstration."""
     turn: float = 0.6

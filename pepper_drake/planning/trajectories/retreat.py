@@ -63,6 +63,8 @@ class NewObstacleParams:
     """Distance from all points seen at planning time beyond which a point is new [m]."""
     min_points: int = 10
     """Least number of new points; fewer are noise at the edges of known obstacles."""
+    spacing: float = 0.0125
+    """Spacing at which they are counted [m], however dense the cloud is."""
     depth: float = 0.10
     """Depth to which new points are extruded downwards [m]: a camera from above sees only the upper
     side of an object in the air, such as an arm."""

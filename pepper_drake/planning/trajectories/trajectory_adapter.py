@@ -266,7 +266,9 @@ class TrajectoryAdapter:
         ends = self._demonstrations[:, -1] if ends is None else ends
         p_TG, R_TG = X_TG.translation(), X_TG.rotation().matrix()
         axis, tolerance = self._axis
-        near = self._postures.near(p_TG, params.ik_seeds, R_TG, axis, tolerance)
+        near = self._postures.near(
+            p_TG, params.ik_seeds, R_TG, axis, tolerance, params.ik_candidates
+        )
         q, there = self._postures.solve(p_TG, np.concatenate((ends, near)))
         q = q[there]
         q = self._postures.well_turned(q, R_TG, axis, tolerance - params.turn_margin)

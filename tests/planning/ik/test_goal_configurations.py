@@ -25,7 +25,7 @@ def postures():
 
 def near(postures, count, point=GOAL, R_TG=EYE, tolerance=np.pi):
     """The nearest postures, however they are turned unless a tolerance is given."""
-    return postures.near(point, count, R_TG, AXIS, tolerance)
+    return postures.near(point, count, R_TG, AXIS, tolerance, among=1000)
 
 
 def test_postures_turned_well_are_found_where_few_are(postures):

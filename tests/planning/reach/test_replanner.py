@@ -16,6 +16,7 @@ from tests.planning.reach.scripted_planner import (
     NO_DETOUR,
     P_TG,
     STALE,
+    THING,
     TIMING,
     X_WO,
     Supervised,
@@ -386,7 +387,7 @@ def test_an_arm_that_withdraws_to_where_something_is_predicted_seeks_another_pla
 def test_the_head_looks_at_what_the_arm_waits_for():
     one = on_its_way(ahead=0.0, detour=NO_DETOUR)
     one.planner.stale = STALE
-    one.set(cloud=np.concatenate((CLOUD, BESIDE + 0.005 * np.eye(3).repeat(4, axis=0))))
+    one.set(cloud=np.concatenate((CLOUD, THING)))
     one.image_time = None
     one.advance(1.0)
     assert one.state.suspended_plan is not None
