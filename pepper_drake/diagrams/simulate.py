@@ -70,7 +70,7 @@ def simulate(
     keep_due = began + _KEEP_PERIOD
     stopped, fault = should_stop(), ""
     next_look = context.get_time() + period
-    bar = None  # One that shows nothing takes a tenth of a page's frame to make, too.
+    bar = None  # Not one that shows nothing: a page would make 128 a second.
     if progress:
         bar = tqdm(
             unit=" s",

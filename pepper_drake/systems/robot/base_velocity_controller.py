@@ -80,7 +80,7 @@ class BaseVelocityController(LeafSystem):
         command = np.zeros(3)
         if self.velocity_input.HasValue(context):
             command = self.velocity_input.Eval(context)
-        if not (state[3:6].any() or state[7:].any() or command.any()):
+        if not (state[7:].any() or command.any()):
             return  # It stands and shall stand: the state stays as it is.
         if not np.all(np.isfinite(command)):
             command = np.zeros(3)
