@@ -70,12 +70,13 @@ def simulate(
     keep_due = began + _KEEP_PERIOD
     stopped, fault = should_stop(), ""
     next_look = context.get_time() + period
-    bar = tqdm(
-        unit=" s",
-        bar_format="{desc:10s} {n:5.1f} s simulated, {elapsed} elapsed",
-        disable=not progress,
-        leave=False,
-    )
+    bar = None  # Not one that shows nothing: a page would make 128 a second.
+    if progress:
+        bar = tqdm(
+            unit=" s",
+            bar_format="{desc:10s} {n:5.1f} s simulated, {elapsed} elapsed",
+            leave=False,
+        )
 
     def look(root: Context) -> EventStatus:
         nonlocal next_look, keep_due, stopped, watched
@@ -93,8 +94,9 @@ def simulate(
             keep()
             kept = time.perf_counter()
             keep_due = kept + max(_KEEP_PERIOD, (kept - keeping) / _KEEP_SHARE)
-        bar.set_description(title if isinstance(title, str) else title(), refresh=False)
-        bar.update(period)
+        if bar is not None:
+            bar.set_description(title if isinstance(title, str) else title(), refresh=False)
+            bar.update(period)
         watched += time.perf_counter() - started
         stopped = should_stop()
         if is_over or stopped:
@@ -109,7 +111,8 @@ def simulate(
         words = " ".join(str(error).split())
         fault = f"the simulation cannot continue at {context.get_time():.2f} s: {words}"
     finally:
-        bar.close()
+        if bar is not None:
+            bar.close()
         simulator.clear_monitor()
         if monitor is not None:
             simulator.set_monitor(monitor)

@@ -16,10 +16,11 @@ BESIDE_GOAL = RigidTransform(RollPitchYaw(1.57, -0.27, 0.1), [0.28, -0.2, 0.14])
 VIA = RigidTransform(RollPitchYaw(0.2, 0.5, -0.4), [0.17, -0.38, 0.0])
 
 
-def go_on(session, seconds, *, until=None):
+def go_on(session, seconds, *, until=()):
     """Advances; returns the fastest that a joint of the robot moved, rad/s."""
     end, fastest = session.simulation.time + seconds, 0.0
-    while session.simulation.time < end and session.mode != until:
+    modes = (until,) if isinstance(until, Mode) else until
+    while session.simulation.time < end and session.mode not in modes:
         session.advance()
         fastest = max(fastest, np.abs(arm_velocity(session)).max())
     return fastest
@@ -274,7 +275,8 @@ def test_a_ball_in_the_way_is_not_touched_and_the_page_says_so_until_it_is_gone(
     if session.mode == Mode.WAITING:
         assert "waits for it to go" in session.status
         simulation.set_offset("ball", np.array([0.3, -0.3, -0.5]))
-        go_on(session, 30, until=Mode.HOLDING)
+        # A stop is final.
+        go_on(session, 30, until=(Mode.HOLDING, Mode.STOPPED))
     assert simulation.has_arrived(), session.status
 
 

@@ -21,6 +21,38 @@ _ARM = [JOINTS.index(name) for name in CHAINS["RArm"][:5]]
 _ELBOW, _WRIST = JOINTS.index("RElbowRoll"), JOINTS.index("RWristYaw")
 
 
+# These first: the other robot goes on in real time, asked or not.
+
+
+def test_a_bumper_is_pressed_by_what_the_base_drives_into():
+    free = load_scene("free")
+    box = Obstacle("box", "box", size=[0.1, 0.2, 0.4], position=[0.4, 0.15, 0.2])
+    scene = replace(free, robot=replace(free.robot, x=0.0, y=0.0, yaw=0.0), obstacles=[box])
+    with SimulatedRobot(SimulatorConfig(scene, StationConfig(), rate=0.0)) as robot:
+        robot.wait_until_ready()
+        start = robot.state()
+        assert start.touched == frozenset()
+        stiff = np.ones(len(JOINTS))
+        while not (now := robot.state()).touched and now.time < start.time + 3.0:
+            robot.check()
+            robot.command(RobotCommand(start.positions, stiff, (0.2, 0.0, 0.0)))
+            time.sleep(0.002)
+    assert now.touched == {"Platform/FrontLeft/Bumper"}
+    assert 0.0 < now.base_pose[0] < 0.3
+
+
+def test_a_goal_that_moves_by_itself_is_moved_by_nobody(monkeypatch):
+    monkeypatch.setattr(SimulatedRobot, "start", lambda *_: None)  # No simulator is needed.
+    monkeypatch.setattr(SimulatedRobot, "end", lambda *_: None)
+    scene = load_scene("free")
+    moving = replace(scene, goal=replace(scene.goal, path=[[0.0, 0.0, 0.0, 0.0], [1.0, 0.1, 0, 0]]))
+    with SimulatedRobot(SimulatorConfig(moving, StationConfig())) as still:
+        (move_goal,) = make_extras(still, FaultsOnDemand([], still.close)).overloads("moveGoal")
+        with pytest.raises(ServiceError, match="moveGoal: the goal of this scene moves by itself"):
+            move_goal.handler(0.0, 0.05, 0.02)
+        assert still._command.writes == 0
+
+
 @pytest.fixture(scope="module")
 def robot():
     with SimulatedRobot(SimulatorConfig(load_scene("free"), StationConfig())) as started:
@@ -91,18 +123,6 @@ def test_somebody_moves_the_goal_smoothly(robot):
     assert np.all(moved <= 0.2 * np.diff(times) * 1.05 + 1e-6)
 
 
-def test_a_goal_that_moves_by_itself_is_moved_by_nobody(monkeypatch):
-    monkeypatch.setattr(SimulatedRobot, "start", lambda *_: None)  # No simulator is needed.
-    monkeypatch.setattr(SimulatedRobot, "end", lambda *_: None)
-    scene = load_scene("free")
-    moving = replace(scene, goal=replace(scene.goal, path=[[0.0, 0.0, 0.0, 0.0], [1.0, 0.1, 0, 0]]))
-    with SimulatedRobot(SimulatorConfig(moving, StationConfig())) as still:
-        (move_goal,) = make_extras(still, FaultsOnDemand([], still.close)).overloads("moveGoal")
-        with pytest.raises(ServiceError, match="moveGoal: the goal of this scene moves by itself"):
-            move_goal.handler(0.0, 0.05, 0.02)
-        assert still._command.writes == 0
-
-
 def test_a_person_leads_the_limp_arm_to_a_place_and_lets_go(robot):
     extras = make_extras(robot, FaultsOnDemand([], robot.close))
     call = {method.name: method.handler for method in extras.methods.values()}
@@ -161,20 +181,3 @@ def test_a_camera_is_frozen_on_demand(robot):
             call["freeze"](["nose"])
     finally:
         robot.want_image(TOP, 0, 0, 0.0)
-
-
-def test_a_bumper_is_pressed_by_what_the_base_drives_into():
-    free = load_scene("free")
-    box = Obstacle("box", "box", size=[0.1, 0.2, 0.4], position=[0.4, 0.15, 0.2])
-    scene = replace(free, robot=replace(free.robot, x=0.0, y=0.0, yaw=0.0), obstacles=[box])
-    with SimulatedRobot(SimulatorConfig(scene, StationConfig(), rate=0.0)) as robot:
-        robot.wait_until_ready()
-        start = robot.state()
-        assert start.touched == frozenset()
-        stiff = np.ones(len(JOINTS))
-        while not (now := robot.state()).touched and now.time < start.time + 3.0:
-            robot.check()
-            robot.command(RobotCommand(start.positions, stiff, (0.2, 0.0, 0.0)))
-            time.sleep(0.002)
-    assert now.touched == {"Platform/FrontLeft/Bumper"}
-    assert 0.0 < now.base_pose[0] < 0.3

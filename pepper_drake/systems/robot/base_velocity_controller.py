@@ -80,6 +80,8 @@ class BaseVelocityController(LeafSystem):
         command = np.zeros(3)
         if self.velocity_input.HasValue(context):
             command = self.velocity_input.Eval(context)
+        if not (state[7:].any() or command.any()):
+            return  # It stands and shall stand: the state stays as it is.
         if not np.all(np.isfinite(command)):
             command = np.zeros(3)
         v_B, change = state[7:], self._change

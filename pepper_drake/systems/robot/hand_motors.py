@@ -57,7 +57,7 @@ class HandMotors(LeafSystem):
         output.SetFromVector(context.get_discrete_state(self._state).value())
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
-        opening = context.get_discrete_state(self._state).value()
         if self._command.HasValue(context):
+            opening = context.get_discrete_state(self._state).value()
             opening = next_opening(opening, self._command.Eval(context), self._period)
-        values.set_value(int(self._state), opening)
+            values.set_value(int(self._state), opening)

@@ -78,10 +78,14 @@ class MeasurementGuard(LeafSystem):
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         state = context.get_discrete_state(self._state).value().copy()
         measured = self.measured_input.Eval(context)
-        finite = self._are_possible(measured)
-        state[: self._size][finite] = measured[finite]
-        state[self._size] = 0.0 if finite.all() else state[self._size] + self._time_step
-        state[self._size + 1] = -1.0 if finite.all() else float(np.argmin(finite))
+        possible = self._are_possible(measured)
+        if possible.all():
+            state[: self._size] = measured
+            state[self._size :] = 0.0, -1.0
+        else:
+            state[: self._size][possible] = measured[possible]
+            state[self._size] += self._time_step
+            state[self._size + 1] = float(np.argmin(possible))
         discrete_state.set_value(self._state, state)
 
     def _calc_measured(self, context: Context, output: BasicVector) -> None:

@@ -89,11 +89,12 @@ def servo_at(velocity):
     return servo, simulator, context
 
 
-def test_a_command_that_is_not_finite_brakes_the_base():
+@pytest.mark.parametrize("command", [0.0, np.nan])
+def test_a_command_of_zero_brakes_the_base_and_so_does_one_that_is_not_finite(command):
     servo, simulator, context = servo_at([0.2, 0, 0])
     simulator.AdvanceTo(1.005)
     x = servo.get_output_port().Eval(context)[0]
-    servo.velocity_input.FixValue(context, [np.nan, 0, 0])
+    servo.velocity_input.FixValue(context, [command, 0, 0])
     simulator.AdvanceTo(2)
     state = servo.get_output_port().Eval(context)
     assert state[0] - x == pytest.approx(0.2**2 / 2, abs=0.002)
