@@ -277,6 +277,7 @@ def test_a_ball_in_the_way_is_not_touched_and_the_page_says_so_until_it_is_gone(
         simulation.set_offset("ball", np.array([0.3, -0.3, -0.5]))
         # A stop is final.
         go_on(session, 30, until=(Mode.HOLDING, Mode.STOPPED))
+    assert session.mode == Mode.HOLDING, session.status
     assert simulation.has_arrived(), session.status
 
 
