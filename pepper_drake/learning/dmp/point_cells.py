@@ -80,30 +80,33 @@ def _sorted(
 
 
 @compiled
+def _span(place: float, bound: float, size: float, count: int) -> tuple[int, int]:
+    """First cell along an axis within a bound of a place, and the one after the last of them."""
+    low, high = np.floor((place - bound) / size), np.floor((place + bound) / size) + 1.0
+    return int(min(max(low, 0.0), count)), int(min(max(high, 0.0), count))
+
+
+@compiled
 def _nearest(x: float, y: float, z: float, bound: float, cells: PointCells) -> float:
     """Distance of a place to the nearest point, `bound` if none is nearer [m]."""
     points, first, lower, counts, size = cells
+    u, v, w = x - lower[0], y - lower[1], z - lower[2]
+    i_0, i_1 = _span(u, bound, size, counts[0])
+    j_0, j_1 = _span(v, bound, size, counts[1])
     best = bound * bound
-    low, high = np.empty(3), np.empty(3)
-    for k, place in enumerate((x, y, z)):
-        low[k] = max(np.floor((place - bound - lower[k]) / size), 0.0)
-        high[k] = min(np.floor((place + bound - lower[k]) / size), counts[k] - 1.0)
-        if not low[k] <= high[k]:
-            return bound
-    k_0, k_1 = int(low[2]), int(high[2])
-    for i in range(int(low[0]), int(high[0]) + 1):
-        near = lower[0] + size * i
-        a = max(near - x, x - near - size, 0.0)
-        for j in range(int(low[1]), int(high[1]) + 1):
-            near = lower[1] + size * j
-            b = max(near - y, y - near - size, 0.0)
-            if a * a + b * b >= best:
+    for i in range(i_0, i_1):
+        a = max(size * i - u, u - size * (i + 1), 0.0)
+        for j in range(j_0, j_1):
+            b = max(size * j - v, v - size * (j + 1), 0.0)
+            left = best - a * a - b * b
+            if left <= 0.0:
                 continue
+            k_0, k_1 = _span(w, math.sqrt(left), size, counts[2])
             row = (i * counts[1] + j) * counts[2]
             # The cells of a row lie one behind the other, and so do their points.
-            for n in range(first[row + k_0], first[row + k_1 + 1]):
-                u, v, w = points[n, 0] - x, points[n, 1] - y, points[n, 2] - z
-                best = min(best, u * u + v * v + w * w)
+            for n in range(first[row + k_0], first[row + k_1]):
+                c, d, e = points[n, 0] - x, points[n, 1] - y, points[n, 2] - z
+                best = min(best, c * c + d * d + e * e)
     return math.sqrt(best)
 
 

@@ -59,7 +59,7 @@ class PointCloudDistance:
             cloud = np.zeros((0, 3))
         if cloud.ndim != 2 or cloud.shape[1] != 3:
             raise InputError(f"obstacles: shape {cloud.shape}; give points of shape (P, 3)")
-        self.points = cloud[np.isfinite(cloud @ _ONES)]
+        self.points = cloud.compress(np.isfinite(cloud @ _ONES), axis=0)
         depths = np.linspace(0.0, extension, round(extension / _SPACING) + 1)
         self._offsets = np.multiply.outer(depths, np.asarray(down, dtype=float))
         self._neighbours = min(_NEIGHBOURS, len(self.points) * len(depths))
