@@ -53,31 +53,32 @@ def extrapolate_support_surface(
     Returns:
         (K, 3), empty if no surface was seen.
     """
-    surface = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
+    x, y = _surface(cloud_W, p_WO, p_WB, params)
     ahead = p_WO[:2] - p_WB[:2]
     distance = np.linalg.norm(ahead)
-    if len(surface) < params.least_stripes or distance < 1e-6:
+    if len(x) < params.least_stripes or distance < 1e-6:
         return np.zeros((0, 3))
     ahead = ahead / distance
     left = np.array([-ahead[1], ahead[0]])
-    along = (surface[:, :2] - p_WB[:2]) @ left
-    depth = (surface[:, :2] - p_WB[:2]) @ ahead
+    along, depth = x * left[0] + y * left[1], x * ahead[0] + y * ahead[1]
     stripes = np.floor(along / params.stripe).astype(int)
-    numbers, index = np.unique(stripes, return_inverse=True)
-    if len(numbers) < params.least_stripes:
+    first = stripes.min()
+    front = np.full(stripes.max() - first + 1, np.inf)
+    np.minimum.at(front, stripes - first, depth)
+    seen = np.flatnonzero(np.isfinite(front))
+    if len(seen) < params.least_stripes:
         return np.zeros((0, 3))
-    front = np.full(len(numbers), np.inf)
-    np.minimum.at(front, index, depth)
-    slope, offset = _front_line((numbers + 0.5) * params.stripe, front, params.ragged)
+    middles = (first + seen + 0.5) * params.stripe
+    slope, offset = _front_line(middles, front[seen], params.ragged)
     behind = depth - (offset + slope * along)
     beyond = np.arange(params.spacing, params.aside, params.spacing)
     rows = []
     for row in np.arange(0.0, params.depth, params.spacing):
-        seen = along[np.abs(behind - row) < params.spacing]
-        if len(seen):
-            y = np.concatenate((seen.min() - beyond, seen.max() + beyond))
-            x = offset + slope * y + row
-            rows.append(p_WB[:2] + x[:, None] * ahead + y[:, None] * left)
+        of_row = along[np.abs(behind - row) < params.spacing]
+        if len(of_row):
+            aside = np.concatenate((of_row.min() - beyond, of_row.max() + beyond))
+            forward = offset + slope * aside + row
+            rows.append(p_WB[:2] + forward[:, None] * ahead + aside[:, None] * left)
     xy = np.concatenate(rows) if rows else np.zeros((0, 2))
     return np.column_stack((xy, np.full(len(xy), p_WO[2])))
 
@@ -99,13 +100,21 @@ def assumed_support(
         A disc, or none, (0, 3), where something was seen at that height.
     """
     width = radius + params.rim
-    surface = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
-    if len(surface) and np.linalg.norm(surface[:, :2] - p_WO[:2], axis=1).min() < width:
+    x, y = _surface(cloud_W, p_WO, p_WO, params)
+    if (x * x + y * y).min(initial=np.inf) < width * width:
         return np.zeros((0, 3))
     steps = params.spacing * np.arange(-np.ceil(width / params.spacing), width / params.spacing + 1)
     x, y = np.meshgrid(steps, steps)
     within = np.hypot(x, y) <= width
     return p_WO + np.column_stack((x[within], y[within], np.zeros(np.count_nonzero(within))))
+
+
+def _surface(
+    cloud_W: Vector, p_WO: Vector, origin: Vector, params: SupportSurfaceParams
+) -> tuple[Vector, Vector]:
+    """Returns x and y (S,) from an origin of the points at the height of the goal's bottom [m]."""
+    surface = cloud_W.compress(np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness, axis=0)
+    return surface[:, 0] - origin[0], surface[:, 1] - origin[1]
 
 
 def _front_line(y: Vector, front: Vector, ragged: float) -> tuple[float, float]:
