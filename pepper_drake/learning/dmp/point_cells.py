@@ -35,7 +35,9 @@ class PointCells(NamedTuple):
 
     @classmethod
     def of(cls, points: Array, offsets: Array = _ITSELF) -> "PointCells":
-        """Sorts points (P, 3) [m], P not zero, each of them at K offsets (K, 3) from it."""
+        """Sorts points (P, 3) [m], each of them at K offsets (K, 3) from it."""
+        if not len(points):
+            return cls(np.zeros((0, 3)), np.zeros(2, int), np.zeros(3), np.ones(3, int), _CELL)
         return cls(*_sorted(np.array(points, order="C"), offsets))
 
 

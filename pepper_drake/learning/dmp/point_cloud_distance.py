@@ -65,9 +65,9 @@ class PointCloudDistance:
         self._neighbours = min(_NEIGHBOURS, len(self.points) * len(depths))
 
     @cached_property
-    def cells(self) -> PointCells | None:
-        """The extended cloud, sorted into cells; None for an empty cloud."""
-        return PointCells.of(self.points, self._offsets) if len(self.points) else None
+    def cells(self) -> PointCells:
+        """The extended cloud, sorted into cells."""
+        return PointCells.of(self.points, self._offsets)
 
     def distance(self, positions: npt.ArrayLike, within: float = np.inf) -> Array:
         """Returns the distance (...) [m] of positions (..., 3); infinite for an empty cloud.
@@ -77,8 +77,6 @@ class PointCloudDistance:
             within: Distances beyond this [m] are returned as infinite, which is much faster.
         """
         places = _finite(positions)
-        if self.cells is None:
-            return np.full(places.shape[:-1], np.inf)
         found = nearest_distances(places.reshape(-1, 3), self.cells, float(within))
         return np.asarray(found.reshape(places.shape[:-1]))
 
@@ -88,7 +86,7 @@ class PointCloudDistance:
         For an empty cloud distances are infinite and normals zero.
         """
         places = _finite(positions)
-        if self.cells is None:
+        if not len(self.points):
             return np.full(places.shape[:-1], np.inf), np.zeros(places.shape)
         distances, normals = blended_directions(
             places.reshape(-1, 3), self.cells, self._neighbours, _BLENDING

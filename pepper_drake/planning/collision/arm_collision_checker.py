@@ -152,14 +152,8 @@ class ArmCollisionChecker:
         body = self._body_layer()
         layers = np.full((2, len(body)), GRID_CAP, np.float32)
         layers[CLOUD_AND_BODY] = np.minimum(body + self._allowance, GRID_CAP)
-        return DistanceGrid(region, layers, self._around)
-
-    def _around(self, p_T: Vector) -> Vector:
-        """Distances (N,) of places (N, 3) to seen obstacles and the goal object [m]."""
-        return np.minimum(
-            self._field.distance(_moved(self._X_FT, p_T), GRID_CAP),
-            self._object.distance(_moved(self._X_OT, p_T), GRID_CAP),
-        )
+        clouds = (self._field, self._X_FT), (self._object, self._X_OT)
+        return DistanceGrid(region, layers, clouds, GRID_CAP)
 
     @cached_property
     def moving(self) -> Spheres:
@@ -179,11 +173,6 @@ class ArmCollisionChecker:
         spheres, poses = self.moving, self.kinematics.poses(joints)
         centers = placed_points(poses.rotations, poses.positions, spheres.link, spheres.centers)
         return np.asarray(self.grid.distance(centers, spheres.layers) - spheres.radii)
-
-
-def _moved(X_FT: RigidTransform, p_T: Vector) -> Vector:
-    """Places (N, 3) in another frame."""
-    return np.asarray(p_T @ X_FT.rotation().matrix().T + X_FT.translation())
 
 
 def sample_body(arm: str, body: SolidSet) -> Vector:

@@ -9,12 +9,10 @@ import numpy.typing as npt
 from pepper_drake.compiled import compiled
 from pepper_drake.planning.collision.compiled_arm import ArmChain
 from pepper_drake.planning.collision.compiled_grid import (
-    ASKED_FOR,
-    READY,
     ROUNDING,
-    UNKNOWN,
     GridArrays,
     Spheres,
+    make_ready,
 )
 
 Vector = npt.NDArray[np.float64]
@@ -93,42 +91,37 @@ def rate_paths(
     paths: Vector,
     cos: Vector,
     sin: Vector,
-    cost: Vector,
-    slack: Floats,
     chain: ArmChain,
     spheres: Spheres,
     grid: GridArrays,
     numbers: CostNumbers,
-) -> Numbers:
-    """Rates paths (K, 5, N) whose cost (K,) is NaN; see `TrajectoryCost`.
+) -> tuple[Vector, Floats]:
+    """Rates paths (K, 5, N); see `TrajectoryCost`.
 
-    The cost of a path that needs nodes which are not READY stays NaN. The inner loops run over the
-    N samples of a path and do little each, so that the compiler can vectorise them.
+    The inner loops run over the N samples of a path and do little each, so that the compiler can
+    vectorise them.
 
     Args:
         paths: Joint positions [rad].
         cos: (K, 5, N) cosines of the joint positions.
         sin: (K, 5, N) sines of the joint positions.
-        cost: (K,) filled in.
-        slack: (K,) filled in [m].
         chain: Of the arm.
         spheres: On its links.
         grid: Distances in T.
         numbers: Weights, limits, and references of the paths.
 
     Returns:
-        The nodes (M,) that must be measured.
+        Cost and slack [m] of each path, (K,).
     """
-    missing, found = np.empty(len(grid.state), np.int64), 0
+    cost, slack = np.empty(len(paths)), np.empty(len(paths), np.float32)
     samples, rows = paths.shape[2], chain.rows[5] + 1
-    weights, spans, state, table = numbers.weights, samples - 1.0, grid.state, grid.table
+    weights, spans, ready, table = numbers.weights, samples - 1.0, grid.ready, grid.table
     R, rotations = np.empty((3, 3, samples)), np.empty((rows, 3, 3, samples))
     positions, place = np.empty((rows, 3, samples)), np.empty(samples, np.float32)
     offs, node = np.empty((3, samples), np.float32), np.empty(samples, np.float32)
-    density, scale = np.float32(grid.density), np.float32(numbers.inverse_clearance)
+    index, missing = np.empty(samples, np.int64), np.empty(samples, np.int64)
+    density, scale = np.float32(1.0 / grid.spacing), np.float32(numbers.inverse_clearance)
     for k in range(len(paths)):
-        if not math.isnan(cost[k]):
-            continue
         reference = min(k, len(numbers.hand) - 1)
         effort, excess = 0.0, 0.0
         for joint in range(5):
@@ -148,7 +141,7 @@ def rate_paths(
             own, other = positions[rows - 1, i], numbers.hand[reference, i]
             for n in range(samples):
                 deviation += (own[n] - other[n]) ** 2
-        proximity, most, is_known = 0.0, -np.float32(np.inf), True
+        proximity, most = 0.0, -np.float32(np.inf)
         for s in range(len(spheres.link)):
             link, layer, radius = spheres.link[s], spheres.layers[s], spheres.radii[s]
             x, y, z = spheres.centers[s, 0], spheres.centers[s, 1], spheres.centers[s, 2]
@@ -170,14 +163,16 @@ def rate_paths(
                     node[n] = node[n] * nodes + nearest
             wanted, u, v, w = numbers.wanted[reference, s], offs[0], offs[1], offs[2]
             rows_of_layer = table[layer]
+            count = 0
             for n in range(samples):
-                number = np.int64(node[n])
-                if state[number] != READY:
-                    if state[number] == UNKNOWN:
-                        missing[found], state[number] = number, ASKED_FOR
-                        found += 1
-                    is_known = False
-                    continue
+                index[n] = number = int(node[n])
+                if not ready[number]:
+                    missing[count], ready[number] = number, True
+                    count += 1
+            if count:
+                make_ready(missing[:count], grid)
+            for n in range(samples):
+                number = index[n]
                 distance = rows_of_layer[number, 0] + rows_of_layer[number, 1] * u[n]
                 distance += rows_of_layer[number, 2] * v[n]
                 distance += rows_of_layer[number, 3] * w[n]
@@ -185,10 +180,9 @@ def rate_paths(
                 most = max(most, lack)
                 lack = max(lack, np.float32(0.0)) * scale
                 proximity += lack * lack
-        if is_known:
-            slack[k] = -most
-            cost[k] = weights[0] * proximity / samples + weights[1] * max(most, 0.0)
-            cost[k] += weights[2] * deviation / samples
-            cost[k] += weights[3] * effort * (spans / numbers.duration) ** 4 / samples
-            cost[k] += weights[4] * max(excess / numbers.duration - 1.0, 0.0)
-    return missing[:found]
+        slack[k] = -most
+        cost[k] = weights[0] * proximity / samples + weights[1] * max(most, 0.0)
+        cost[k] += weights[2] * deviation / samples
+        cost[k] += weights[3] * effort * (spans / numbers.duration) ** 4 / samples
+        cost[k] += weights[4] * max(excess / numbers.duration - 1.0, 0.0)
+    return cost, slack
