@@ -44,13 +44,14 @@ class CostNumbers(NamedTuple):
 
 @compiled
 def _pose_path(
-    cos: Vector, sin: Vector, chain: ArmChain, R: Vector, rotations: Vector, positions: Vector
+    path: Vector, chain: ArmChain, R: Vector, rotations: Vector, positions: Vector
 ) -> None:
-    """Vectorised `link_poses`: each operation runs over N postures, given by cos, sin (5, N).
+    """Vectorised `link_poses`: each operation runs over N postures (5, N).
 
     Poses are (L, 3, 3, N) and (L, 3, N), those of the hand last; R (3, 3, N) is workspace.
     """
-    count, hand = cos.shape[1], chain.rows[5]
+    count, hand = path.shape[1], chain.rows[5]
+    cosine, sine = np.empty(count), np.empty(count)
     p = positions[hand]
     for i in range(3):
         for n in range(count):
@@ -71,7 +72,9 @@ def _pose_path(
                     b[n] = u * C[0, 1] + v * C[1, 1] + w * C[2, 1]
                     c[n] = u * C[0, 2] + v * C[1, 2] + w * C[2, 2]
         if k < 5:
-            number, sense, cosine, sine = chain.axis_numbers[k], chain.senses[k], cos[k], sin[k]
+            number, sense = chain.axis_numbers[k], chain.senses[k]
+            for n in range(count):  # Both of one angle cost little more than one.
+                cosine[n], sine[n] = math.cos(path[k, n]), math.sin(path[k, n])
             for i in range(3):
                 first, second = R[i, (number + 1) % 3], R[i, (number + 2) % 3]
                 for n in range(count):
@@ -89,8 +92,6 @@ def _pose_path(
 @compiled
 def rate_paths(
     paths: Vector,
-    cos: Vector,
-    sin: Vector,
     chain: ArmChain,
     spheres: Spheres,
     grid: GridArrays,
@@ -103,8 +104,6 @@ def rate_paths(
 
     Args:
         paths: Joint positions [rad].
-        cos: (K, 5, N) cosines of the joint positions.
-        sin: (K, 5, N) sines of the joint positions.
         chain: Of the arm.
         spheres: On its links.
         grid: Distances in T.
@@ -135,7 +134,7 @@ def rate_paths(
                     strongest = max(strongest, abs(change))
             strongest = math.sqrt(strongest / numbers.acceleration[joint]) * spans
             excess = max(excess, fastest / numbers.velocity[joint] * spans, strongest)
-        _pose_path(cos[k], sin[k], chain, R, rotations, positions)
+        _pose_path(paths[k], chain, R, rotations, positions)
         deviation = 0.0
         for i in range(3):
             own, other = positions[rows - 1, i], numbers.hand[reference, i]

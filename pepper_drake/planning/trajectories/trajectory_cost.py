@@ -111,12 +111,8 @@ class TrajectoryCost:
         checker, count = self._checker, len(paths)
         if len(self._numbers.hand) not in (1, count):
             raise ValueError(f"{count} paths cannot be rated against {len(self._numbers.hand)}")
-        joints = np.ascontiguousarray(paths.swapaxes(1, 2))
-        cos, sin = np.cos(joints), np.sin(joints)  # Vectorised, unlike in compiled code.
         cost, slack = rate_paths(
-            joints,
-            cos,
-            sin,
+            np.ascontiguousarray(paths.swapaxes(1, 2)),
             checker.kinematics.chain,
             checker.moving,
             checker.grid.arrays,
