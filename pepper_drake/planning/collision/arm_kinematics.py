@@ -23,6 +23,8 @@ from pepper_drake.planning.collision.sphere_model import (
 
 Vector = npt.NDArray[np.float64]
 
+_NOT_TURNED, _NOT_MOVED = np.eye(3), np.zeros(3)
+
 
 @dataclass(frozen=True, eq=False)
 class ArmPoses:
@@ -106,7 +108,7 @@ class ArmKinematics:
 
     def poses(self, joints: Vector, X_FT: RigidTransform | None = None) -> ArmPoses:
         """Link poses of the arm at joints (M, 5) [rad], in a frame F; left out, F is T."""
-        R, p = np.eye(3), np.zeros(3)
+        R, p = _NOT_TURNED, _NOT_MOVED
         if X_FT is not None:
             R, p = np.array(X_FT.rotation().matrix(), order="C"), np.array(X_FT.translation())
         # A copy: compiled anew it would be for arrays that may not be written or have gaps.

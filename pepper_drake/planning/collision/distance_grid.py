@@ -71,7 +71,7 @@ class DistanceGrid:
     ) -> None:
         self.region = region
         self.arrays = GridArrays(
-            np.zeros((*layers.shape, 4), dtype=np.float32),
+            np.empty((*layers.shape, 4), dtype=np.float32),
             np.zeros(layers.shape[1], bool),
             layers.astype(np.float32),
             np.zeros(layers.shape[1], bool),

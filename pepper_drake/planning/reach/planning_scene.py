@@ -134,7 +134,6 @@ class PlanningSceneBuilder:
             X_TO=X_TO,
             body=lambda: self._body.at(joint_position),
             body_layer=lambda: self._body_layer(joint_position),
-            body_allowance=-self._params.self_clearance,
         )
         x, y, z = cloud_T.T
         near = x * x + y * y + z * z < self._params.obstacle_range**2
@@ -142,12 +141,13 @@ class PlanningSceneBuilder:
             base_pose, observation.arm, X_TO, cloud_T.compress(near, axis=0), checker
         )
 
-    def _body_layer(self, joint_position: Vector) -> Vector:
+    def _body_layer(self, joint_position: Vector) -> npt.NDArray[np.float32]:
         """Returns the body's distances on the grid, with rounded joints and the head straight."""
         rounded = np.round(joint_position / 0.05) * 0.05
         rounded[body_indices(["HeadYaw", "HeadPitch"])] = 0.0
         rounded[self._arm_in_body] = 0.0
         return self._sampled(tuple(rounded))
 
-    def _sample(self, joint_position: tuple[float, ...]) -> Vector:
-        return sample_body(self._arm, self._body.at(np.array(joint_position)))
+    def _sample(self, joint_position: tuple[float, ...]) -> npt.NDArray[np.float32]:
+        body = self._body.at(np.array(joint_position))
+        return sample_body(self._arm, body, -self._params.self_clearance)

@@ -124,17 +124,18 @@ def _front_line(y: Vector, front: Vector, ragged: float) -> tuple[float, float]:
     squares through all stripes (N,) that begin within `ragged` [m] of it.
     """
     best = (0.0, float(front.min()))
-    rise = (front - front[:, None]) / np.where(y == y[:, None], 1.0, y - y[:, None])
-    # Of the lines through one stripe on either side, the one before which no stripe begins.
+    # Of the lines through one stripe on either side, the one that is nearest at y = 0.
     i, j = np.nonzero((y[:, None] <= 0.0) & (y > 0.0))
-    offsets = front[i] - rise[i, j] * y[i]
-    below = front < offsets[:, None] + rise[i, j][:, None] * y - 1e-9
-    hull = np.flatnonzero(~below.any(axis=1))
-    if len(hull):
-        best = (float(rise[i, j][hull[0]]), float(offsets[hull[0]]))
+    if len(i):
+        rise = (front[j] - front[i]) / (y[j] - y[i])
+        offsets = front[i] - rise * y[i]
+        nearest = int(np.argmin(offsets))
+        best = (float(rise[nearest]), float(offsets[nearest]))
     slope, offset = best
     on = front <= offset + slope * y + ragged
     if np.count_nonzero(on) < 2:
         return best
-    slope, offset = np.polyfit(y[on], front[on], 1)
-    return float(slope), float(offset)
+    y, front = y[on], front[on]
+    aside, middle = y - y.mean(), float(front.mean())
+    slope = float(aside @ front / (aside @ aside))
+    return slope, middle - slope * float(y.mean())
