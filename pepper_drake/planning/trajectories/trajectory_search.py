@@ -104,7 +104,7 @@ def optimize_trajectory(
         first = order[0]
         if best is None or rating.cost[first] < best.cost:
             best = SearchResult(
-                paths[first],
+                np.ascontiguousarray(paths[first]),
                 float(rating.cost[first]),
                 float(rating.slack[first]),
                 generation,
