@@ -229,7 +229,7 @@ def chosen_scenario(options: Namespace) -> Scenario:
     scenario.station.obstacle_motion_ports |= options.moving
     scenario.avoid_obstacles &= not options.no_avoidance
     scenario.planner.collision_checked &= not options.unvetted
-    scenario.planner.unseen.accept |= options.accept_unknown
+    scenario.planner.unseen.allow_motion |= options.accept_unknown
     scenario.gentle |= options.gentle
     scenario.check()
     return scenario

@@ -85,16 +85,16 @@ def time_planner(scenes: int) -> dict[str, Any]:
 
 def print_times(name: str, seconds: list[float]) -> dict[str, float]:
     """Prints and returns median, percentiles and maximum of durations [ms]."""
-    median, most, nearly_all, longest = 1e3 * np.percentile(seconds, [50, 90, 99, 100])
+    p50, p90, p99, longest = 1e3 * np.percentile(seconds, [50, 90, 99, 100])
     print(
-        f"{name:22s} {len(seconds):5d} x  median {median:8.2f} ms  90 % {most:8.2f}  "
-        f"99 % {nearly_all:8.2f}  longest {longest:8.2f}"
+        f"{name:22s} {len(seconds):5d} x  median {p50:8.2f} ms  90 % {p90:8.2f}  "
+        f"99 % {p99:8.2f}  longest {longest:8.2f}"
     )
     return {
         "count": len(seconds),
-        "median_ms": round(median, 3),
-        "p90_ms": round(most, 3),
-        "p99_ms": round(nearly_all, 3),
+        "median_ms": round(p50, 3),
+        "p90_ms": round(p90, 3),
+        "p99_ms": round(p99, 3),
         "longest_ms": round(longest, 3),
     }
 

@@ -77,7 +77,7 @@ def test_whether_the_rest_is_clear(benchmark, planner, seen, place):
     seen = seen.from_base_pose(place + SHIFT)
     plan = planner.check_reach(seen)
     ahead = benchmark(planner.remaining_clearance, plan, seen)
-    assert ahead.least == pytest.approx(plan.clearance, abs=0.01)
+    assert ahead.minimum == pytest.approx(plan.clearance, abs=0.01)
 
 
 def test_replanning_on_the_way(benchmark, planner, seen, place):

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from pepper_drake._former_names import FIELDS
 from pepper_drake.diagrams.compliance import ComplianceConfig
 from pepper_drake.diagrams.factory import (
     LearningParams,
@@ -59,23 +60,7 @@ NUMBERS = (
     "barrier",
 )
 """Fields of a scenario with parameters of the loop, independent of scene and task."""
-_MOVED_IN_APPROACH = {
-    "visit": "transient_timeout",
-    "onward": "extrapolated",
-    "likely": "usual_speed",
-    "alike": "registered_within",
-    "sluggishness": "regularization",
-    "apart": "comparison_interval",
-}
-MOVED = {
-    "perception.head_velocity": "perception.gaze.max_velocity",
-    "perception.head_acceleration": "perception.gaze.max_acceleration",
-    "perception.goal.hand_on_improvement": "perception.goal.publish_improvement",
-} | {
-    f"perception.{camera}.approach.{former}": f"perception.{camera}.approach.{now}"
-    for camera in ("obstacles", "stereo_obstacles")
-    for former, now in _MOVED_IN_APPROACH.items()
-}
+MOVED = FIELDS
 """Field names of the last release, which are still read, and their present names."""
 
 

@@ -17,26 +17,27 @@ _POSITIVE = (
     "controller.tracking_rate",
     "perception.marker.edges.blurred_growth",
     *(
-        f"perception.{camera}.{views}.most_views"
+        f"perception.{camera}.{views}.max_views"
         for camera in ("obstacles", "stereo_obstacles")
         for views in ("memory", "approach")
     ),
     *(
         f"planner.{name}"
         for name in (
-            "adaptation.acceleration_share",
+            "adaptation.acceleration_fraction",
             "adaptation.candidates",
-            "adaptation.cost.arriving",
+            "adaptation.cost.arrival_fraction",
             "adaptation.cost.deviation",
-            "adaptation.cost.leaving",
+            "adaptation.cost.departure_fraction",
             "adaptation.goals_kept",
             "adaptation.planner.resolution",
             "adaptation.planner.step",
             "adaptation.posture",
             "adaptation.search.generations",
             "adaptation.search.perturbation_basis",
-            "adaptation.speed_share",
-            "adaptation.starts",
+            "adaptation.speed_fraction",
+            "adaptation.ik_candidates",
+            "adaptation.ik_seeds",
             "adaptation.turn",
             "support_surface.spacing",
             "support_surface.stripe",
@@ -54,7 +55,7 @@ _POSITIVE = (
 """Fields that must be positive: divisors and counts."""
 _FRACTIONS = (
     "planner.lean.image_border",
-    "planner.rest_share",
+    "planner.rest_fraction",
     "planner.unseen.image_border",
     "supervisor.steadiness.cloud_quantile",
 )
@@ -69,7 +70,7 @@ _LEAST = {
     "controller.position_weight": 0,
     "planner.new_obstacle.carrier_depth": 0,
     "planner.new_obstacle.carrier_near": 0,
-    "planner.retreat.lost": 0,
+    "planner.retreat.max_clearance_loss": 0,
     "planner.settle": 0,
     "planner.solid_depth": 0,
     "planner.support_surface.rim": 0,

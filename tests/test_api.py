@@ -118,7 +118,7 @@ def objects():
     yield optimization.make_task(primitive, obstacles=np.zeros((400, 3)))
     yield perception.VoxelMap.empty()
     yield models.load_scene("table")
-    yield ReachPlannerParams(slack=0.1)
+    yield ReachPlannerParams(reach_margin=0.1)
     for _, value in public():
         if is_dataclass(value) and inspect.isclass(value):
             required = [
@@ -138,7 +138,10 @@ def test_texts_of_objects_fit_on_a_few_lines():
 
 def test_a_text_tells_what_differs_from_the_default():
     assert repr(planning.ReachPlannerParams()) == "ReachPlannerParams()"
-    assert repr(planning.ReachPlannerParams(slack=0.1)) == "ReachPlannerParams(slack=0.1)"
+    assert (
+        repr(planning.ReachPlannerParams(reach_margin=0.1))
+        == "ReachPlannerParams(reach_margin=0.1)"
+    )
 
 
 def test_a_notebook_shows_a_figure():

@@ -39,12 +39,14 @@ def test_an_app_refuses_what_it_has_no_use_for():
     wanted = Scenario()
     wanted.station.derivative_gain = 20.0
     assert chosen == wanted
-    with pytest.raises(InputError, match=r"--set planner\.slack: this app takes station, contr"):
-        scenario_of(parser.parse_args(["--set", "planner.slack=0.1"]))
+    with pytest.raises(
+        InputError, match=r"--set planner\.reach_margin: this app takes station, contr"
+    ):
+        scenario_of(parser.parse_args(["--set", "planner.reach_margin=0.1"]))
 
 
 def test_runs_of_other_numbers_do_not_mix_in_one_folder(tmp_path):
-    others = load_scenario(None, ["planner.slack=0.1"])
+    others = load_scenario(None, ["planner.reach_margin=0.1"])
     with pytest.raises(InputError, match="are of other numbers; give another --output"):
         keep_scenario(others, tmp_path, has_runs=True)  # Runs of an earlier release.
     keep_scenario(others, tmp_path, has_runs=False)

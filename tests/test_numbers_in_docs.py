@@ -123,7 +123,16 @@ SAID = {
         f"moves no faster than {TOUCH}",
         *(
             f"| `{name}` | {getattr(PLANNER.clearance, name):.3f} |"
-            for name in ("stop", "start", "slow", "replan", "resume", "want", "optimise", "retreat")
+            for name in (
+                "stop",
+                "start",
+                "slow",
+                "replan",
+                "resume",
+                "want",
+                "search_target",
+                "retreat_end",
+            )
         ),
     ],
 }

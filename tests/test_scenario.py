@@ -1,8 +1,11 @@
 import dataclasses
+import json
 import pickle
+from functools import reduce
 from pathlib import Path
 
 import pytest
+import yaml
 
 from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.errors import InputError
@@ -165,15 +168,22 @@ def test_a_wrong_way_to_learn_is_refused(setting, words):
         load_scenario(settings=[setting])
 
 
+def another(value):
+    """A value of the same type, which no check refuses."""
+    return not value if isinstance(value, bool) else value + (1 if type(value) is int else 1e-3)
+
+
 @pytest.mark.parametrize(("former", "now"), MOVED.items())
 def test_a_former_name_is_read_and_the_new_one_told(former, now, tmp_path, caplog):
     groups, _, last = former.rpartition(".")
+    before = dict(leaves(Scenario()))
+    value = another(before[now])
     lines = [f"{'  ' * k}{key}:" for k, key in enumerate(groups.split("."))]
     path = tmp_path / "old.yaml"
-    path.write_text("\n".join([*lines, f"{'  ' * len(lines)}{last}: 0.75\n"]))
-    wanted = dict(leaves(Scenario())) | {now: 0.75}
+    path.write_text("\n".join([*lines, f"{'  ' * len(lines)}{last}: {json.dumps(value)}\n"]))
+    wanted = before | {now: value}
     assert dict(leaves(load_scenario(path))) == wanted
-    assert dict(leaves(load_scenario(None, [f"{former}=0.75"]))) == wanted
+    assert dict(leaves(load_scenario(None, [f"{former}={json.dumps(value)}"]))) == wanted
     sentence = f"{former} is now {now}; this release reads both"
     assert caplog.messages == [f"{path}: {sentence}", f"--set {former}: {sentence}"]
     group, _, key = now.rpartition(".")
@@ -182,6 +192,23 @@ def test_a_former_name_is_read_and_the_new_one_told(former, now, tmp_path, caplo
         path.write_text(text)
         with pytest.raises(InputError, match=f"{former} is now {now}, which it has, too"):
             load_scenario(path)
+
+
+def test_a_scenario_that_an_earlier_release_saved_is_loaded_whole_with_one_warning(
+    tmp_path, caplog
+):
+    path = tmp_path / "scenario.yaml"
+    save_scenario(Scenario(), path)
+    saved = yaml.safe_load(path.read_text())
+    for former, now in MOVED.items():
+        *groups, last = now.split(".")
+        value = reduce(dict.__getitem__, groups, saved).pop(last)
+        *groups, last = former.split(".")
+        reduce(dict.__getitem__, groups, saved)[last] = value
+    path.write_text(yaml.safe_dump(saved))
+    assert load_scenario(path) == Scenario()
+    assert len(caplog.messages) == 1
+    assert f"{path}: {len(MOVED)} fields have former names; " in caplog.text
 
 
 def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
@@ -201,9 +228,9 @@ def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
         ("safety.lean.speed=0", "must be positive"),
         ("supervisor.steadiness.cloud_quantile=2", "below 1"),
         ("controller.catch_up_steps=0", "must be positive"),
-        ("planner.rest_share=1", "below 1"),
+        ("planner.rest_fraction=1", "below 1"),
         ("perception.marker.edges.blurred_growth=0", "must be positive"),
-        ("perception.obstacles.memory.most_views=0", "must be positive"),
+        ("perception.obstacles.memory.max_views=0", "must be positive"),
     ],
 )
 def test_numbers_that_the_loop_divides_by_are_refused_where_they_are_set(setting, words):

@@ -90,7 +90,7 @@ ALLOWED = {
     "perception/mapping/near_field_occlusion.py": {"numeric": "_PITCH _STEP _BORDER _BESIDE"},
     "perception/mapping/projector_shadow.py": {"geometry": "BOTH_SIDES"},
     "perception/mapping/voxel_map.py": {
-        "layout": "_KEY_BITS _KEY_OFFSET",
+        "layout": "_FINE_KEYS _KEY_BITS _KEY_OFFSET",
         "numeric": "_LEAST_PIXELS",
     },
     "perception/stereo/matching.py": {"geometry": "STEREO_BASELINE _EYE"},
@@ -120,7 +120,7 @@ ALLOWED = {
     "planning/safety/safe_command.py": {"numeric": "_SAME"},
     "planning/reach/barrier_for_path.py": {"numeric": "_CANDIDATE_DISTANCES"},
     "planning/reach/base_placement.py": {"numeric": "_BATCH"},
-    "planning/reach/lean_params.py": {"geometry": "LEAST_HIP_PITCH MOST_HIP_PITCH"},
+    "planning/reach/lean_params.py": {"geometry": "MIN_HIP_PITCH MAX_HIP_PITCH"},
     "planning/reach/movement_from_path.py": {"numeric": "_SAMPLES"},
     "planning/reach/observation.py": {"format": "_FUTURE"},
     "planning/reach/drive_supervision.py": {"numeric": "ROUNDING"},

@@ -54,7 +54,7 @@ def measure_gate(
         metrics |= _outcomes(group, [results[Task(_METHOD, case)] for case in cases])
     metrics |= _quality([result for result in results.values() if result.outcome == "reached"])
     metrics |= _learning()
-    share = physics_share()  # A wide tolerance: processors differ.
+    share = physics_time_ratio()  # A wide tolerance: processors differ.
     metrics["time.physics alone, of the whole diagram"] = Metric(share, "1", HIGHER, 0.4 * share)
     return metrics
 
@@ -110,7 +110,7 @@ def _learning() -> dict[str, Metric]:
     }
 
 
-def physics_share() -> float:
+def physics_time_ratio() -> float:
     """Returns the time of the physics alone over that of the diagram without cameras, at best 1.
 
     Both simulate the same scene with the same time step, alternating in this process. The result is

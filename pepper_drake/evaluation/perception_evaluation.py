@@ -149,7 +149,7 @@ class PerceptionEvaluation:
         rig, name = self.rig, CAMERA_DEPTH.name
         perfect, X_WC = rig.depth(name), rig.pose(name)
         parameters = self.config.perception.obstacles
-        ignored = self._ignored(parameters)
+        ignored, p_WO = self._ignored(parameters), self.scene.goal.pose().translation()
         voxels, durations = VoxelMap.empty(), []
         for frame in range(frames):
             image = apply_depth_noise(
@@ -157,7 +157,14 @@ class PerceptionEvaluation:
             )
             start = time.perf_counter()
             voxels = update_obstacles(
-                voxels, image, 0.2 * frame, X_WC, CAMERA_DEPTH.intrinsics, ignored, parameters
+                voxels,
+                image,
+                0.2 * frame,
+                X_WC,
+                CAMERA_DEPTH.intrinsics,
+                ignored,
+                parameters,
+                p_WO,
             )
             surface = voxels.surface()
             durations.append(time.perf_counter() - start)
@@ -235,7 +242,14 @@ class PerceptionEvaluation:
             pair.segmentation,
         )
         voxels = update_obstacles(
-            VoxelMap.empty(), view.depth, 0.0, X_WC, rectification.intrinsics, ignored, parameters
+            VoxelMap.empty(),
+            view.depth,
+            0.0,
+            X_WC,
+            rectification.intrinsics,
+            ignored,
+            parameters,
+            self.scene.goal.pose().translation(),
         )
         duration = time.perf_counter() - start
         pictures: Images = {

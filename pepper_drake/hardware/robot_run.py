@@ -18,7 +18,7 @@ from pepper_drake.hardware.link_fault import HANDED_OVER, LINK_FAULTS, LinkFault
 from pepper_drake.hardware.link_process import LinkProcess
 from pepper_drake.hardware.paced_run import DiagramClock, Pacing, run_paced
 from pepper_drake.hardware.preflight import PreflightOptions
-from pepper_drake.hardware.slow_motion import STANDS, slow_motion, way_back
+from pepper_drake.hardware.slow_motion import STANDS, retraced_path, slow_motion
 from pepper_drake.hardware.station import HardwareStation
 from pepper_drake.hardware.transport import RobotAccess
 from pepper_drake.models.control_model import (
@@ -149,7 +149,7 @@ class RobotRun:
         if self.fault is not None or self.is_stopped or not self._path:
             return
         arm = body_indices(arm_joints(self._arm))
-        back = way_back(np.array(self._path)[:, arm])
+        back = retraced_path(np.array(self._path)[:, arm])
         if len(back) < 3:  # It is there already.
             return
         postures = np.tile(list(self.joints.values()), (len(back), 1))

@@ -31,15 +31,15 @@ def slow_motion(postures: Vector) -> CalibrationMotion:
     return CalibrationMotion(times, np.column_stack(rows), ())
 
 
-def way_back(way: Vector) -> Vector:
+def retraced_path(path: Vector) -> Vector:
     """Returns the postures (M, n) from the last of a path (N, n) to its first [rad].
 
     Loops, where the path returned to an earlier posture, are left out.
     """
-    here = len(way) - 1
+    here = len(path) - 1
     back = [here]
     while here > 0:
-        same = np.abs(way[:here] - way[here]).max(axis=1) <= _SAME
+        same = np.abs(path[:here] - path[here]).max(axis=1) <= _SAME
         here = int(np.argmax(same)) if same.any() else here - 1
         back.append(here)
-    return way[back]
+    return path[back]

@@ -82,8 +82,10 @@ def parse_yaml(
     root = compose(text, name)
     if root is None:
         raise InputError(f"{name} is empty; it must hold the fields of a {schema.__name__}")
-    for former, now in moved.items():
-        _move_field(root, former, now, name)
+    found = [(former, now) for former, now in moved.items() if _move_field(root, former, now, name)]
+    if found:
+        many = f"{len(found)} fields have former names; for example, " if len(found) > 1 else ""
+        _LOG.warning("%s: %s%s is now %s; this release reads both", name, many, *found[0])
     _check_node(root, schema, "", name)
     # Drake reads YAML 1.1: it gets the checked values in an unambiguous form.
     plain = yaml.dump(construct(root, name), Dumper=_DUMPER)
@@ -166,8 +168,8 @@ def line_of_field(path: Path, field: str) -> int:
     return line
 
 
-def _move_field(root: yaml.Node, former: str, now: str, name: str) -> None:
-    """Moves a field to its new name, if the former one is there, and warns.
+def _move_field(root: yaml.Node, former: str, now: str, name: str) -> bool:
+    """Moves a field to its new name; returns False if the former one is not there.
 
     Raises:
         InputError: Both names are present.
@@ -183,7 +185,7 @@ def _move_field(root: yaml.Node, former: str, now: str, name: str) -> None:
         parent = child(parent, group)
     value = child(parent, key)
     if parent is None or value is None:
-        return
+        return False
     parent.value = [entry for entry in parent.value if entry[0].value != key]
     *groups, key = now.split(".")
     text = "tag:yaml.org,2002:str"
@@ -195,12 +197,12 @@ def _move_field(root: yaml.Node, former: str, now: str, name: str) -> None:
             found = yaml.MappingNode("tag:yaml.org,2002:map", [], *marks)
             parent.value.append((yaml.ScalarNode(text, group, *marks), found))
         if not isinstance(found, yaml.MappingNode):
-            return  # Reported by the subsequent check.
+            return False  # Reported by the subsequent check.
         parent = found
     if child(parent, key) is not None:
         raise InputError(f"{name}: {former} is now {now}, which it has, too; leave {former} out")
     parent.value.append((yaml.ScalarNode(text, key, *marks), value))
-    _LOG.warning("%s: %s is now %s; this release reads both", name, former, now)
+    return True
 
 
 def _check_node(node: yaml.Node, schema: Any, field: str, path: str) -> None:

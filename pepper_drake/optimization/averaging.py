@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from pepper_drake.errors import InputError
 from pepper_drake.optimization.gaussian_search import GaussianSearch
-from pepper_drake.optimization.optimizer import check_positive, check_share
+from pepper_drake.optimization.optimizer import check_fraction, check_positive
 from pepper_drake.optimization.problem import Problem, total_costs
 from pepper_drake.optimization.weighting import ELITENESS, best, exponential_weights
 
@@ -66,7 +66,7 @@ class RewardWeightedAveraging(GaussianSearch):
         super().__init__(problem, samples=samples, seed=seed, rate=rate)
         elite = samples if elite is None else elite
         check_positive(eliteness=eliteness)
-        check_share(decay=decay)
+        check_fraction(decay=decay)
         if not 1 <= elite <= samples:
             raise InputError(f"elite: {elite} of {samples} samples; use 1 to {samples}")
         self._decay, self._elite, self._eliteness = decay, elite, eliteness

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.optimization.gaussian_search import GaussianSearch
-from pepper_drake.optimization.optimizer import check_positive, check_share
+from pepper_drake.optimization.optimizer import check_fraction, check_positive
 from pepper_drake.optimization.problem import Problem, total_costs
 
 Array = npt.NDArray[np.float64]
@@ -58,7 +58,7 @@ class EpisodicNaturalActorCritic(GaussianSearch):
         """
         super().__init__(problem, samples=samples, seed=seed, rate=rate)
         check_positive(step=step)
-        check_share(decay=decay)
+        check_fraction(decay=decay)
         self._step, self._decay, self._threshold = step, decay, threshold
 
     @property

@@ -55,7 +55,7 @@ def check_positive(**values: float) -> None:
             raise InputError(f"{name}: {value} is not a positive number")
 
 
-def check_share(**values: float) -> None:
+def check_fraction(**values: float) -> None:
     """Raises InputError for the first value that is not above 0 and at most 1."""
     for name, value in values.items():
         if not 0.0 < value <= 1.0:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.optimization.gaussian_search import GaussianSearch
-from pepper_drake.optimization.optimizer import check_positive, check_share
+from pepper_drake.optimization.optimizer import check_fraction, check_positive
 from pepper_drake.optimization.problem import Problem, costs_to_go
 from pepper_drake.optimization.weighting import ELITENESS, exponential_weights
 
@@ -62,7 +62,7 @@ class Pi2Cma(GaussianSearch):
         """
         super().__init__(problem, samples=samples, seed=seed, rate=rate)
         check_positive(eliteness=eliteness, least=least)
-        check_share(learning_rate=learning_rate)
+        check_fraction(learning_rate=learning_rate)
         self._covariance = self._rate * np.eye(len(self._mean))
         self._root = np.sqrt(self._covariance)
         self._eliteness = eliteness

@@ -32,7 +32,7 @@ from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachCommand
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner
-from pepper_drake.planning.reach.reach_state import ReachState, obey
+from pepper_drake.planning.reach.reach_state import ReachState, apply_command
 from pepper_drake.planning.reach.reach_state_machine import step
 from pepper_drake.planning.safety.command_check import StopReason
 from pepper_drake.systems.framework import LeafSystem, ValueProducer
@@ -246,7 +246,7 @@ class ReachSupervisor(LeafSystem):
         predicted = np.zeros((0, 3))
         if ports["predicted_cloud"].HasValue(context):
             predicted = cloud_points(value("predicted_cloud"))
-        reach = self._planner.params.new_obstacle.near
+        reach = self._planner.params.new_obstacle.max_goal_distance
         near = np.sum((predicted - X_WO.translation()) ** 2, axis=1) < reach**2
         fault = 0.0
         if ports["cloud_fault"].HasValue(context):
@@ -308,7 +308,7 @@ class ReachSupervisor(LeafSystem):
         command = self._ports["command"]
         if command.HasValue(context):
             wanted = ReachCommand(int(command.Eval(context)[0]))
-            after = obey(before, wanted, context.get_time())
+            after = apply_command(before, wanted, context.get_time())
         planner = self.planner(context)
         after = step(after, self.observe(context), planner, self._timing)
         if after is before:

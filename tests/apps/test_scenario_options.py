@@ -61,8 +61,8 @@ def test_a_field_that_an_app_has_no_use_for_is_refused(call, app):
     ("options", "sentence"),
     [
         (["--set", "planner.adapt=false"], "planner.adapt: the methods differ in it"),
-        (["--set", "planner.slack=0.1", "--methods", "d,g"], "method g is none of ours"),
-        (["--set", "planner.slack=0.1", "--gate"], "--gate is of the usual numbers"),
+        (["--set", "planner.reach_margin=0.1", "--methods", "d,g"], "method g is none of ours"),
+        (["--set", "planner.reach_margin=0.1", "--gate"], "--gate is of the usual numbers"),
     ],
 )
 def test_the_benchmark_refuses_numbers_that_it_cannot_use(call, options, sentence, tmp_path):

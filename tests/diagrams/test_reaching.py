@@ -137,7 +137,7 @@ def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
         station=StationConfig(seed=355, obstacle_motion_ports=True),
         timing=ReachTiming(latency=latency),
         # A look at what was not seen would let the person's arm go by.
-        planner=ReachPlannerParams(unseen=UnseenSpaceParams(accept=True)),
+        planner=ReachPlannerParams(unseen=UnseenSpaceParams(allow_motion=True)),
     )
     coupling = make_coupling(scene.coupling)
     reaching = Reaching(scene, make_primitive(None, scene.arm), coupling, config)

@@ -6,7 +6,7 @@ import numpy as np
 
 from pepper_drake.hardware.link_fault import LinkFault
 from pepper_drake.hardware.robot_run import HardwareRun, RobotRun
-from pepper_drake.hardware.slow_motion import SLOW, STANDS, slow_motion, way_back
+from pepper_drake.hardware.slow_motion import SLOW, STANDS, retraced_path, slow_motion
 from pepper_drake.hardware.transport import RobotAccess
 from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, arm_joints, body_indices
 
@@ -29,11 +29,11 @@ def test_the_way_back_leaves_loops_and_rests_out():
     out = np.linspace(0.0, 1.0, 101)[:, None] * [1.0, 0.5]
     aside = out[50] + np.linspace(0.0, 0.3, 31)[:, None] * [0.0, 1.0]
     way = np.concatenate((out[:1].repeat(40, 0), out[:51], aside, aside[::-1], out[50:]))
-    back = way_back(way)
+    back = retraced_path(way)
     np.testing.assert_array_equal(back[[0, -1]], [out[-1], out[0]])
     assert np.abs(np.diff(back, axis=0)).max() <= 0.021
     np.testing.assert_allclose(back[:, 1], 0.5 * back[:, 0], atol=0.02)
-    assert len(way_back(out[:1].repeat(40, 0))) <= 2  # It never left.
+    assert len(retraced_path(out[:1].repeat(40, 0))) <= 2  # It never left.
 
 
 def run_with_way(fault=None):

@@ -10,7 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pepper_drake.diagrams.factory import make_primitive
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
-from pepper_drake.planning.reach.reach_state import ReachState, obey
+from pepper_drake.planning.reach.reach_state import ReachState, apply_command
 from pepper_drake.planning.reach.task_sequence import SequenceTask, hand_time
 from pepper_drake.systems.framework import LeafSystem
 from pepper_drake.systems.task_sequencer import TaskSequencer
@@ -45,7 +45,7 @@ class Performer(LeafSystem):
 
     def _update(self, context, state):
         command = ReachCommand(int(self._command.Eval(context)[0]))
-        now = obey(self._now(context), command, context.get_time())
+        now = apply_command(self._now(context), command, context.get_time())
         if now.mode in (ReachMode.LOOKING, ReachMode.SETTLING) and (
             context.get_time() - now.since > 1.0 - 1e-9
         ):
@@ -139,7 +139,7 @@ def test_nothing_follows_a_task_that_failed(number):
 
 
 def test_a_movement_is_planned_from_where_the_base_stands():
-    idle = obey(ReachState(), ReachCommand.IDLE, 1.0)
-    state = obey(idle, ReachCommand.MOVE, 2.0)
+    idle = apply_command(ReachState(), ReachCommand.IDLE, 1.0)
+    state = apply_command(idle, ReachCommand.MOVE, 2.0)
     assert (state.mode, state.since, state.may_drive) == (ReachMode.SETTLING, 2.0, False)
-    assert obey(state, ReachCommand.MOVE, 3.0) is state
+    assert apply_command(state, ReachCommand.MOVE, 3.0) is state

@@ -27,11 +27,11 @@ class PhaseStopping:
 
     rate: float = 15.0
     """alpha_e, rate of the low-pass filter of the error [1/s]."""
-    stopping: float = 3e3
+    slowdown_gain: float = 3e3
     """k_c, gain of the slowdown [1/m²]."""
-    pull: float = 300.0
+    coupling_gain: float = 300.0
     """k_t, gain of the coupling term."""
-    ignored: float = 0.005
+    dead_zone: float = 0.005
     """Dead zone of the error [m]: the tracking error of a compliant arm that nothing pushes."""
 
     def error_after(self, error: Array, deviation: Array, time_step: float) -> Array:
@@ -43,13 +43,13 @@ class PhaseStopping:
             time_step: [s].
         """
         length = float(np.linalg.norm(deviation))
-        share = max(0.0, length - self.ignored) / length if length > 0.0 else 0.0
+        share = max(0.0, length - self.dead_zone) / length if length > 0.0 else 0.0
         return error + (1.0 - np.exp(-self.rate * time_step)) * (share * deviation - error)
 
     def slowdown(self, error: Array) -> float:
         """Returns how much slower the phase runs: its rate is divided by one plus this."""
-        return float(self.stopping * (error @ error))
+        return float(self.slowdown_gain * (error @ error))
 
     def coupling(self, error: Array) -> Array:
         """Returns C_t (3,) [m]."""
-        return self.pull * error
+        return self.coupling_gain * error

@@ -113,7 +113,7 @@ def _nearest(x: float, y: float, z: float, bound: float, cells: PointCells) -> f
 
 
 @compiled
-def least_gaps(centers: Array, radii: Array, cells: PointCells, within: float) -> Array:
+def minimum_gaps(centers: Array, radii: Array, cells: PointCells, within: float) -> Array:
     """Least distance (M,) of spheres to the points in each of M postures [m].
 
     A sphere cannot have come nearer than by its way since it was last looked at: most are not

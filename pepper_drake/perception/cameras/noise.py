@@ -58,7 +58,7 @@ class DepthNoise:
             sensor with twice the resolution.
         grazing: Cosine of the angle of incidence below which pixels begin to drop out; at half of
             it all do.
-        dark_share: Fraction of the surfaces that is too dark or too shiny to be measured, in
+        dark_fraction: Fraction of the surfaces that is too dark or too shiny to be measured, in
             patches fixed in the world.
         border: Width of the blank band at the image's right border [pixels].
     """
@@ -72,7 +72,7 @@ class DepthNoise:
     baseline: float = 0.075
     disparity_step: float = 1.0 / 16.0
     grazing: float = 0.2
-    dark_share: float = 0.01
+    dark_fraction: float = 0.01
     border: int = 4
 
     def sigma(self, depth: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
@@ -92,7 +92,7 @@ NO_DEPTH_NOISE = DepthNoise(
     loss=0.0,
     baseline=0.0,
     grazing=0.0,
-    dark_share=0.0,
+    dark_fraction=0.0,
     border=0,
 )
 """A perfect depth camera."""
@@ -259,9 +259,9 @@ def drop_dark_patches(
     Returns:
         (height, width) [m], 0 in the patches.
     """
-    if noise.dark_share <= 0.0:
+    if noise.dark_fraction <= 0.0:
         return depth
-    dark = dark_patches(depth, intrinsics, X_WC, share=noise.dark_share, seed=seed)
+    dark = dark_patches(depth, intrinsics, X_WC, share=noise.dark_fraction, seed=seed)
     return np.where(dark, np.float32(0.0), depth)
 
 

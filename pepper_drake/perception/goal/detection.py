@@ -141,7 +141,7 @@ def detect_goal(
     pose = choices[min(range(len(choices)), key=distance) if len(choices) > 1 else 0]
     X_WM = X_WC @ pose.X_CM
     R_WC = X_WC.rotation().matrix()
-    systematic = params.systematic_share * (R_WC @ pose.X_CM.translation())
+    systematic = params.systematic_ratio * (R_WC @ pose.X_CM.translation())
     systematic_covariance = np.outer(systematic, systematic)
     return GoalMeasurement(
         time,
@@ -189,6 +189,6 @@ def _expected_window(
         return None
     u, v = intrinsics.project(p_CM)
     reach = math.ceil(
-        params.window_share * intrinsics.focal_x * size / p_CM[2] + params.window_margin
+        params.window_ratio * intrinsics.focal_x * size / p_CM[2] + params.window_margin
     )
     return (int(u) - reach, int(v) - reach, int(u) + reach, int(v) + reach)

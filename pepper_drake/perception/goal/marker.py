@@ -225,7 +225,7 @@ def _condition(
     return {
         "grain": float(noise / max(bright - dark, 1.0)),
         "softness": float((white - black) / max(np.percentile(slope, 95), 1e-3)),
-        "clipped": float(np.mean(near[near >= 0.5 * (black + white)] >= params.whitest)),
+        "clipped": float(np.mean(near[near >= 0.5 * (black + white)] >= params.saturation_level)),
     }
 
 
@@ -397,7 +397,7 @@ def refine_poses(
         fit = refine_on_edges(gray, pose.X_CM, edges, size, intrinsics, params=params.edges)
         if fit is None:
             refined.append(pose)
-        elif fit.support >= params.edges.least_support:
+        elif fit.support >= params.edges.min_support:
             refined.append(MarkerPose(fit.X_CM, fit.error, fit.covariance, on_edges=True))
     return sorted(refined, key=lambda pose: pose.reprojection_error)
 

@@ -116,7 +116,7 @@ def refine_on_edges(
         The fit; None if too few edges are seen.
     """
     fit = _fit(gray, X_CM, edges, size, intrinsics, iterations, params, offset=None)
-    if fit is None or abs(fit[1]) < params.least_offset:
+    if fit is None or abs(fit[1]) < params.min_exposure_offset:
         return None if fit is None else fit[0]
     # Overexposure widens white areas: all edges are shifted.
     again = _fit(gray, fit[0].X_CM, edges, size, intrinsics, iterations, params, offset=fit[1])
@@ -160,14 +160,14 @@ def _fit(
         length = np.hypot(direction[:, 0], direction[:, 1])
         direction /= length[:, None]
         reach = np.minimum(
-            params.search_share * 100 / edges.modules * length, params.longest_search
+            params.search_ratio * 100 / edges.modules * length, params.longest_search
         )
         if reach.min() < params.shortest_search:
             return None
         shift, seen, width = _find_edges(
             gray, place + shifted * direction, direction, reach, params
         )
-        if np.count_nonzero(seen) < params.least_edges * _SAMPLES:
+        if np.count_nonzero(seen) < params.min_edges * _SAMPLES:
             return None
         J = np.column_stack(
             [_jacobian(arm[seen], p_C[seen], direction[seen], intrinsics), np.ones(seen.sum())]
@@ -190,7 +190,7 @@ def _fit(
     module = 100 / edges.modules * length[seen]
     blur_variance = float(np.average((params.neighbours / module**2) ** 2, weights=weight))
     # The samples of one edge are fully correlated.
-    variance = float(max(error, params.least_error) ** 2 + blur_variance) * _SAMPLES
+    variance = float(max(error, params.min_error) ** 2 + blur_variance) * _SAMPLES
     pose = RigidTransform(rotation, translation)
     covariance = np.asarray(variance * inverse[:6, :6], dtype=float)
     # A common shift of all edges inwards or outwards appears as another distance.
@@ -251,7 +251,7 @@ def _find_edges(
     dark, bright = profile[:, :2].mean(axis=1), profile[:, -2:].mean(axis=1)
     contrast = bright - dark
     median_contrast = np.median(contrast)
-    seen = contrast > max(params.least_contrast * median_contrast, params.least_step)
+    seen = contrast > max(params.min_contrast * median_contrast, params.min_step)
     # Position of an ideal step from dark to bright with the same integral over the range.
     fill = np.mean((profile - dark[:, None]), axis=1) / np.where(seen, contrast, 1.0)
     shift = reach * (1 - 2 * fill)
@@ -260,7 +260,7 @@ def _find_edges(
     inside = np.all(
         (places > border) & (places < [width - 1 - border, height - 1 - border]), axis=1
     )
-    seen &= inside & (np.abs(shift) < params.found_share * reach)
+    seen &= inside & (np.abs(shift) < params.found_fraction * reach)
     step = (profile[seen] - dark[seen, None]) / contrast[seen, None]
     return shift, seen, _width(step.mean(axis=0)) if seen.any() else 0.0
 

@@ -14,15 +14,15 @@ class EdgeParams:
     """Largest search range to either side of an edge [pixels]."""
     shortest_search: float = 1.15
     """Search range below which neighbouring edges blur into each other [pixels]."""
-    search_share: float = 0.45
+    search_ratio: float = 0.45
     """Search range relative to a module; the next edge begins to matter beyond one half."""
-    found_share: float = 0.9
+    found_fraction: float = 0.9
     """Fraction of the search range within which an edge must be found, to exclude the next one."""
     outlier: float = 0.6
     """Residual beyond which edges are down-weighted [pixels]."""
-    least_edges: int = 8
+    min_edges: int = 8
     """Smallest number of module edges to fit a pose."""
-    least_error: float = 0.02
+    min_error: float = 0.02
     """Smallest error of an edge, whatever the residuals [pixels], ..."""
     neighbours: float = 0.7
     """... and error of an edge due to blurred neighbours for modules one pixel wide [pixels]; it
@@ -39,14 +39,14 @@ class EdgeParams:
     """... this fraction of a module's width; ..."""
     blurred_growth: float = 0.0148
     """... for each increase by this it grows by a factor of e."""
-    least_offset: float = 0.14
+    min_exposure_offset: float = 0.14
     """Common offset of all edges towards black or white beyond which the image counts as over- or
     underexposed [pixels]; the offset is then fitted, too."""
-    least_contrast: float = 0.35
+    min_contrast: float = 0.35
     """An edge counts as seen when its contrast is at least this fraction of the median one, ..."""
-    least_step: float = 10.0
+    min_step: float = 10.0
     """... and more than this in grey levels of 0 to 255."""
-    least_support: float = 0.8
+    min_support: float = 0.8
     """Smallest fraction of the pattern's edges that must be seen."""
     ambiguity_ratio: float = 1.2
     """Ratio of the edge errors above which two poses are distinguished."""
@@ -87,7 +87,7 @@ class MarkerParams:
     """Twice the standard deviation of the common shift per pixel of softness above `sharp`."""
     sharp: float = 2.05
     """Softness of a sharp image: its contrast divided by its steepest slope [pixels]."""
-    whitest: float = 254.0
+    saturation_level: float = 254.0
     """Grey level at which a pixel is saturated, allowing for rounding and noise."""
     shrinkage_by_clipping: float = 0.75
     """Standard deviation of the common inward shift if all white pixels are saturated [pixels]."""
@@ -104,10 +104,10 @@ class MarkerParams:
     ambiguity_sigmas: float = 1.5
     """... and by more than this many standard deviations of a corner, which is three of the error
     of four corners."""
-    systematic_share: float = 0.003
+    systematic_ratio: float = 0.003
     """Standard deviation along the line of sight of the error common to all images (edge sampling
     by the sensor, lens, printed size of the marker), relative to the distance."""
-    window_share: float = 1.5
+    window_ratio: float = 1.5
     """Half size of the window that is searched first, around the expected marker: this many of the
     marker's sides ..."""
     window_margin: float = 40.0

@@ -43,7 +43,7 @@ class HoleParameters:
     """Parameters of explaining holes.
 
     Attributes:
-        least_views: Smallest number of images in which a cell has to be blank to count as blind.
+        min_views: Smallest number of images in which a cell has to be blank to count as blind.
         widest_band: Widest blank band along the image's border, as a fraction of the image's width
             or height.
         smallest: Size of an object at the camera's near limit that is too small to matter [m].
@@ -58,7 +58,7 @@ class HoleParameters:
         side_ratio: How many times as many there must be on one side as on the other.
     """
 
-    least_views: int = 3
+    min_views: int = 3
     widest_band: float = 0.08
     smallest: float = 0.025
     closed: float = 0.85
@@ -225,7 +225,7 @@ def learn_blindness(
         now = np.concatenate((X_WC.rotation().matrix().ravel(), X_WC.translation()))
         poses[first] = now.astype(np.float32)
     blind = memory.blind & ~has_measured
-    candidates = blank & ~blind & (views >= parameters.least_views)
+    candidates = blank & ~blind & (views >= parameters.min_views)
     if candidates.any():
         regions, _, extents = _components(empty.astype(np.uint8))
         wide = _CELL * (extents[regions[candidates]] + 1)

@@ -110,6 +110,7 @@ class DepthImageMapper:
             self.intrinsics,
             excluded,
             self.parameters,
+            None if X_WO is None else X_WO.translation(),
         )
         if image.drives:
             tracker = reset_while_driving(memory.tracker, view, self.parameters)

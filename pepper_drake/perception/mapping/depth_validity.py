@@ -65,16 +65,17 @@ class ValidityParameters:
         margin: Largest difference of consistent depths [m], ...
         growth: ... and its growth per metre of depth.
         contradicted: Fraction of contradicted points at which the image contradicts the map.
-        least_points: Smallest number of points for that decision.
-        least_expected: Smallest number of expected points, of known objects and floor, for an image
-            to count as blank.
+        min_points: Smallest number of points for that decision.
+        min_expected_points: Smallest number of expected points, of known objects and floor, for an
+            image to count as blank.
         expects_noise: Whether identical images mean a frozen camera, as real sensors are noisy. If
             not, they do only after the camera has moved.
         shows_all: Whether every visible surface is measured. If not, as with a stereo pair whose
             images are segmented, an image may be blank.
         floor_depth: Depth up to which the floor is always measured [m].
-        least_shown: Fraction of the expected points below which an image is blank.
-        same_share: Spread of the relative depth errors below which they are due to a wrong scale.
+        min_shown_fraction: Fraction of the expected points below which an image is blank.
+        scale_error_spread: Spread of the relative depth errors below which they are due to a wrong
+            scale.
         moved: Displacement at which a frame has moved [m], above the noise of measured joints, ...
         turned: ... or rotation at which it has [rad].
     """
@@ -84,13 +85,13 @@ class ValidityParameters:
     margin: float = 0.05
     growth: float = 0.04
     contradicted: float = 0.6
-    least_points: int = 300
-    least_expected: int = 40
+    min_points: int = 300
+    min_expected_points: int = 40
     expects_noise: bool = True
     shows_all: bool = True
     floor_depth: float = 2.0
-    least_shown: float = 0.03
-    same_share: float = 0.04
+    min_shown_fraction: float = 0.03
+    scale_error_spread: float = 0.04
     moved: float = 0.002
     turned: float = 0.004
 
@@ -164,7 +165,7 @@ def depth_fault(
     if lies_below_floor(depth, X_WC, intrinsics, parameters):
         return DepthFault.BELOW_FLOOR
     p_C, rows, columns = _in_view(known, X_WC, intrinsics)
-    if len(p_C) < parameters.least_points:
+    if len(p_C) < parameters.min_points:
         return DepthFault.NONE
     # An unchanged surface shows its depth in at least one of nine pixels.
     off = np.full(len(p_C), np.inf)
@@ -174,7 +175,7 @@ def depth_fault(
             other = np.where(z > 0.0, z - p_C[:, 2], np.inf)
             off = np.where(np.abs(other) < np.abs(off), other, off)
     measured_points = np.isfinite(off)
-    if np.count_nonzero(measured_points) < parameters.least_points:
+    if np.count_nonzero(measured_points) < parameters.min_points:
         return DepthFault.NONE
     off, z = off[measured_points], p_C[measured_points, 2]
     allowed = parameters.margin + parameters.growth * z
@@ -182,7 +183,10 @@ def depth_fault(
         return DepthFault.CONTRADICTS_MAP
     # Nearer points may be a new obstacle, unless all are nearer by the same factor.
     low, high = np.quantile(off / z, [0.2, 0.8])
-    if np.mean(-off > allowed) > parameters.contradicted and high - low < parameters.same_share:
+    if (
+        np.mean(-off > allowed) > parameters.contradicted
+        and high - low < parameters.scale_error_spread
+    ):
         return DepthFault.CONTRADICTS_MAP
     return DepthFault.NONE
 
@@ -219,7 +223,8 @@ def _is_blank(
     _, rows, columns = _in_view(known, X_WC, intrinsics)
     shown = np.concatenate((floor, around[rows, columns]))
     return (
-        len(shown) >= parameters.least_expected and float(np.mean(shown)) < parameters.least_shown
+        len(shown) >= parameters.min_expected_points
+        and float(np.mean(shown)) < parameters.min_shown_fraction
     )
 
 
@@ -241,7 +246,7 @@ def lies_below_floor(
     z = depth[stride // 2 :: stride, stride // 2 :: stride]
     slope = pixel_rays(intrinsics, stride) @ X_WC.rotation().matrix()[2].astype(np.float32)
     measured_points = z > 0.0
-    if np.count_nonzero(measured_points) * stride**2 < parameters.least_points:
+    if np.count_nonzero(measured_points) * stride**2 < parameters.min_points:
         return False
     height = float(X_WC.translation()[2]) + slope[measured_points] * z[measured_points]
     allowed = parameters.margin + parameters.growth * z[measured_points]

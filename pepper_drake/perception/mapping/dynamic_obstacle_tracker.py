@@ -16,7 +16,7 @@ from pepper_drake.perception.mapping.dynamic_obstacles import (
     NewPoints,
     TrackedObstacle,
     associate,
-    last_seen_of_things,
+    last_seen_of_clusters,
     predict_occupancy,
 )
 from pepper_drake.perception.mapping.near_field_occlusion import (
@@ -144,7 +144,9 @@ def update_tracker(
         things = associate(things, appeared, view, memory, approach, above)
     voxels = _without_departed(voxels, is_transient, view.time, approach)
     hidden, times = tracker.hidden
-    still = (view.time - times < parameters.near_field.kept) & ~view.sees_free_space(hidden, memory)
+    still = (view.time - times < parameters.near_field.retention_time) & ~view.sees_free_space(
+        hidden, memory
+    )
     hidden = np.concatenate((hidden[still], near_points))
     times = np.concatenate((times[still], np.full(len(near_points), view.time)))
     views = _kept(tracker.views, view, parameters)
@@ -187,7 +189,7 @@ def without_object(
             )
         return near
 
-    most = parameters.approach.object_share
+    most = parameters.approach.object_fraction
     things = tuple(one for one in tracker.things if np.mean(is_object(one.points)) < most)
     points, times = tracker.hidden
     other = ~is_object(points)
@@ -238,7 +240,7 @@ def _without_departed(
     seen = voxels.hit_times[transient]
     if not np.any(time - seen > parameters.transient_timeout):
         return voxels
-    seen = last_seen_of_things(voxels.positions[transient], seen, parameters)
+    seen = last_seen_of_clusters(voxels.positions[transient], seen, parameters)
     kept = np.ones(len(is_transient), dtype=bool)
     kept[transient] = time - seen <= parameters.transient_timeout
     return voxels.select(kept)
@@ -257,7 +259,7 @@ def _kept(
     alike = [one for one in earlier if view.is_like(one, memory)]
     return [
         one
-        for one in views[-approach.most_views :]
+        for one in views[-approach.max_views :]
         if view.time - one.time < approach.transient_timeout
         and not any(one is other for other in alike[:-1])
     ]

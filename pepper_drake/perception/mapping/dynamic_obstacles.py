@@ -23,7 +23,7 @@ from pepper_drake.perception.mapping.voxel_map import (
     VoxelMapParameters,
     is_free_space,
     minimum_depth,
-    voxel_keys,
+    one_per_voxel,
 )
 
 Points = npt.NDArray[np.floating]
@@ -42,12 +42,14 @@ class ApproachParameters:
     Attributes:
         spacing: Spacing of the points kept of an obstacle [m].
         gap: Largest distance of neighbouring points of one obstacle [m].
-        least_points: Clusters with fewer points are noise.
-        least_rest: Smallest number of points of the rest of an obstacle to guess its direction.
-        fastest: Largest speed of an obstacle [m/s].
+        min_points: Clusters with fewer points are noise.
+        min_remaining_points: Smallest number of points of the rest of an obstacle to guess its
+            direction.
+        max_speed: Largest speed of an obstacle [m/s].
         horizon: Horizon of the prediction from the image's capture [s]: latency, image period and
             the arm's braking time.
-        slowest: Speed below which an obstacle counts as at rest, given the measurement noise [m/s].
+        rest_speed: Speed below which an obstacle counts as at rest, given the measurement noise
+            [m/s].
         usual_speed: Smallest speed at which a moving obstacle is predicted [m/s].
         extrapolated: Longest time for which the motion of an unseen obstacle is extrapolated [s].
         memory: Time after its last sighting until an obstacle is dropped [s].
@@ -59,17 +61,17 @@ class ApproachParameters:
             surface does not determine the motion.
         comparison_interval: Time between compared images in which slow motion exceeds the noise
             [s].
-        most_views: Number of earlier images compared with a new one, besides the last.
-        object_share: Fraction of a cluster's points at the goal object for it to be the object.
+        max_views: Number of earlier images compared with a new one, besides the last.
+        object_fraction: Fraction of a cluster's points at the goal object for it to be the object.
     """
 
     spacing: float = 0.025
     gap: float = 0.05
-    least_points: int = 5
-    least_rest: int = 15
-    fastest: float = 0.5
+    min_points: int = 5
+    min_remaining_points: int = 15
+    max_speed: float = 0.5
     horizon: float = 0.7
-    slowest: float = 0.04
+    rest_speed: float = 0.04
     usual_speed: float = 0.25
     extrapolated: float = 1.5
     memory: float = 6.0
@@ -78,8 +80,8 @@ class ApproachParameters:
     registered_within: float = 0.02
     regularization: float = 0.02
     comparison_interval: float = 0.5
-    most_views: int = 9
-    object_share: float = 0.5
+    max_views: int = 9
+    object_fraction: float = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +139,7 @@ class DepthFrame:
         relative = self.X_WC.InvertAndCompose(other.X_WC)
         turned = abs(relative.rotation().ToAngleAxis().angle())
         moved = float(np.linalg.norm(relative.translation()))
-        return turned < memory.alike_angle and moved < memory.alike_distance
+        return turned < memory.similar_angle and moved < memory.similar_distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +185,7 @@ def associate(
         The tracked obstacles after the image.
     """
     bodies = [seen[chosen] for chosen in _clusters(seen, parameters)] if len(come.points) else []
-    thin = _thinned(come.points, 0.5 * parameters.spacing)
+    thin = one_per_voxel(come.points, 0.5 * parameters.spacing)
     unmatched = list(things)
     known = []
     for chosen in _clusters(come.points[thin], parameters):
@@ -234,16 +236,16 @@ def predict_occupancy(
         unseen_for = now.time - obstacle.seen
         speed = float(np.linalg.norm(obstacle.velocity))
         # A motion that has just begun may become faster.
-        speedup = max(parameters.usual_speed / speed, 1.0) if speed > parameters.slowest else 1.0
+        speedup = max(parameters.usual_speed / speed, 1.0) if speed > parameters.rest_speed else 1.0
         end = speedup * (min(unseen_for, parameters.extrapolated) + parameters.horizon)
         steps = np.linspace(0.0, end, int(np.ceil(speed * end / parameters.spacing)) + 1)
         swept = np.concatenate([obstacle.moved(step) for step in steps])
-        swept = swept[_thinned(swept, parameters.spacing)]
+        swept = swept[one_per_voxel(swept, parameters.spacing)]
         if unseen_for > 0.0:
             swept = swept[~now.sees_free_space(swept, memory)]
         predictions.append(swept)
     soon = np.concatenate(predictions)
-    return soon[_thinned(soon, parameters.spacing)].astype(float)
+    return soon[one_per_voxel(soon, parameters.spacing)].astype(float)
 
 
 def estimate_velocity(
@@ -265,10 +267,10 @@ def estimate_velocity(
     """
     middle, duration = front.points.mean(axis=0), time - front.since
     farthest = float(np.linalg.norm(front.points - middle, axis=1).max())
-    reach = farthest + parameters.fastest * duration
+    reach = farthest + parameters.max_speed * duration
     left = front.left[np.sum((front.left - middle) ** 2, axis=1) < reach**2]
     known = front.normals.any(axis=1)
-    if len(left) < parameters.least_points or known.sum() < parameters.least_points:
+    if len(left) < parameters.min_points or known.sum() < parameters.min_points:
         return None
     tree = cKDTree(left)
     points, normals = front.points[known].astype(float), front.normals[known].astype(float)
@@ -282,7 +284,7 @@ def estimate_velocity(
         return None
     velocity = step / duration
     speed = float(np.linalg.norm(velocity))
-    return np.asarray(velocity * min(1.0, parameters.fastest / max(speed, 1e-9)))
+    return np.asarray(velocity * min(1.0, parameters.max_speed / max(speed, 1e-9)))
 
 
 def _guess_velocity(
@@ -296,7 +298,7 @@ def _guess_velocity(
     for body in bodies:
         far = np.asarray(tree.query(body)[0])
         rest = body[far > parameters.gap]
-        if far.min() <= parameters.gap and len(rest) >= parameters.least_rest:
+        if far.min() <= parameters.gap and len(rest) >= parameters.min_remaining_points:
             ahead = (front.mean(axis=0) - rest.mean(axis=0)).astype(float)
             return np.asarray(parameters.usual_speed * ahead / np.linalg.norm(ahead))
     return np.zeros(3)
@@ -312,17 +314,12 @@ def _match(
         age = time - obstacle.seen
         distance = float(np.linalg.norm(obstacle.moved(age).mean(axis=0) - middle))
         moved = float(np.linalg.norm(obstacle.points.mean(axis=0) - middle))
-        if distance < smallest and moved <= parameters.fastest * age + parameters.gap:
+        if distance < smallest and moved <= parameters.max_speed * age + parameters.gap:
             best, smallest = number, distance
     return best
 
 
-def _thinned(points: Points, spacing: float) -> npt.NDArray[np.int64]:
-    """Returns the index of one point of each voxel of that size."""
-    return np.asarray(np.unique(voxel_keys(points, spacing), return_index=True)[1])
-
-
-def last_seen_of_things(
+def last_seen_of_clusters(
     points: Points, times: npt.NDArray[np.float64], parameters: ApproachParameters
 ) -> npt.NDArray[np.float64]:
     """Returns when any part of each point's object was last seen (N,) [s].
@@ -336,13 +333,13 @@ def last_seen_of_things(
     """
     if not len(points):
         return times
-    labels = thing_labels(points, parameters.gap)
+    labels = cluster_labels(points, parameters.gap)
     latest = np.full(labels.max() + 1, -np.inf)
     np.maximum.at(latest, labels, times)
     return np.asarray(latest[labels])
 
 
-def thing_labels(points: Points, gap: float) -> npt.NDArray[np.int32]:
+def cluster_labels(points: Points, gap: float) -> npt.NDArray[np.int32]:
     """Returns the label (N,) of the cluster that each point belongs to."""
     one, other = cKDTree(points).query_pairs(gap, output_type="ndarray").T
     near = coo_array((np.ones(len(one), np.int8), (one, other)), (len(points), len(points)))
@@ -351,8 +348,8 @@ def thing_labels(points: Points, gap: float) -> npt.NDArray[np.int32]:
 
 def _clusters(points: Points, parameters: ApproachParameters) -> list[npt.NDArray[np.int64]]:
     """Returns the indices of the points of each cluster that is large enough."""
-    if len(points) < parameters.least_points:
+    if len(points) < parameters.min_points:
         return []
-    labels = thing_labels(points, parameters.gap)
+    labels = cluster_labels(points, parameters.gap)
     sizes = np.bincount(labels)
-    return [np.flatnonzero(labels == k) for k in np.flatnonzero(sizes >= parameters.least_points)]
+    return [np.flatnonzero(labels == k) for k in np.flatnonzero(sizes >= parameters.min_points)]

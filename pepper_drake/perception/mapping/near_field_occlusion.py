@@ -29,7 +29,7 @@ from pepper_drake.perception.mapping.projector_shadow import (
     learn_projector_side,
 )
 from pepper_drake.perception.mapping.solids import ExcludedSolids
-from pepper_drake.perception.mapping.voxel_map import voxel_keys
+from pepper_drake.perception.mapping.voxel_map import one_per_voxel
 
 Points = npt.NDArray[np.floating]
 Mask = npt.NDArray[np.bool_]
@@ -53,7 +53,7 @@ class NearFieldParameters:
         farthest: Largest depth of the background [m].
         spacing: Spacing of the background's points [m].
         nearest: Smallest depth of an inferred obstacle [m], ...
-        likely: ... and its usual smallest depth [m].
+        usual_nearest: ... and its usual smallest depth [m].
         margin: Distance beyond the near limit up to which a ray is followed [m].
         around_known: Distance to a known object within which it may occlude [m], as only one side
             of it is known.
@@ -62,15 +62,15 @@ class NearFieldParameters:
         grazing: Cosine of the angle of incidence below which floor and table need not be measured.
         support_rim: Width around the goal object of its support, which may occlude, too [m].
         support_thickness: Thickness of the support [m].
-        least_rays: Fewer rays are noise.
-        kept: Time for which an inferred obstacle is kept [s].
+        min_rays: Fewer rays are noise.
+        retention_time: Time for which an inferred obstacle is kept [s].
     """
 
     beyond: float = 0.05
     farthest: float = 3.0
     spacing: float = 0.03
     nearest: float = 0.15
-    likely: float = 0.25
+    usual_nearest: float = 0.25
     margin: float = 0.03
     around_known: float = 0.05
     on_table: float = 0.02
@@ -78,8 +78,8 @@ class NearFieldParameters:
     grazing: float = 0.25
     support_rim: float = 0.045
     support_thickness: float = 0.025
-    least_rays: int = 4
-    kept: float = 2.0
+    min_rays: int = 4
+    retention_time: float = 2.0
 
 
 DEFAULT_NEAR_FIELD = NearFieldParameters()
@@ -118,9 +118,7 @@ def background_points(
     measured = (z > intrinsics.near + parameters.beyond) & (z < parameters.farthest)
     p_W = (rays[measured] * z[measured][:, None]) @ X_WC.rotation().matrix().T
     points = np.concatenate((p_W + X_WC.translation(), before[kept]))
-    return np.asarray(
-        points[np.unique(voxel_keys(points, parameters.spacing), return_index=True)[1]]
-    )
+    return np.asarray(points[one_per_voxel(points, parameters.spacing)])
 
 
 def unexplained_holes(
@@ -202,7 +200,7 @@ def occluded_points(
     hidden = (blank_pixels(depth) if holes is None else holes)[rows, columns]
     squares = columns[hidden] // _PITCH + (rows[hidden] // _PITCH) * intrinsics.width
     ahead = ahead[hidden][np.unique(squares, return_index=True)[1]]
-    if len(ahead) >= parameters.least_rays:
+    if len(ahead) >= parameters.min_rays:
         shadow = in_measured_shadow(
             ahead, depth, intrinsics, baseline, hole_parameters, sides=sides
         )
@@ -221,7 +219,7 @@ def occluded_points(
     ]
     # Rays from the camera, and from where the projector may be.
     for origin in (0.0,) if baseline == 0.0 else (0.0, *(side * baseline for side in sides)):
-        if len(ahead) < parameters.least_rays:
+        if len(ahead) < parameters.min_rays:
             return nothing
         p_CO = np.array([origin, 0.0, 0.0])
         rays_C = p_CO + (ahead - p_CO)[:, None] * (depths[:, None] / ahead[:, None, 2:])
@@ -237,9 +235,9 @@ def occluded_points(
             beside = _beside_image(known, intrinsics, X_WC)
             first, step = depths[-1] + _STEP, hole_parameters.shadow_step
             ahead = ahead[~_shadowed(ahead, p_CO, X_WC, ignored, beside, first, step)]
-    if len(ahead) < parameters.least_rays:
+    if len(ahead) < parameters.min_rays:
         return nothing
-    likely = depths[depths >= parameters.likely]
+    likely = depths[depths >= parameters.usual_nearest]
     rays_C = (ahead / ahead[:, 2:])[:, None] * likely[:, None]
     return np.asarray((rays_C @ R_WC.T + p_WC).reshape(-1, 3))
 

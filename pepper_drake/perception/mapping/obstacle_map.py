@@ -72,6 +72,7 @@ def update_obstacles(
     intrinsics: "CameraIntrinsics",
     ignored: "Sequence[ExcludedSolids]",
     parameters: "ObstacleParameters",
+    p_WO: "npt.NDArray[np.floating] | None" = None,
 ) -> "VoxelMap":
     """Updates the map with one depth image.
 
@@ -83,6 +84,7 @@ def update_obstacles(
         intrinsics: The camera.
         ignored: Solids that are no obstacles, at that time.
         parameters: Detection and memory of obstacles.
+        p_WO: The goal object's position (3,), around which voxels are small [m]; None if unknown.
 
     Returns:
         The new map.
@@ -99,7 +101,7 @@ def update_obstacles(
     surface = observe_surfaces(depth, intrinsics, X_WC, parameters.cloud)
     for each in ignored:
         surface = remove_solids(surface, each.placed, each.margin)
-    voxels = add_points(voxels, surface, time, parameters.memory)
+    voxels = add_points(voxels, surface, time, parameters.memory, p_WO)
     spared = np.zeros(len(voxels), dtype=bool)
     gone = np.zeros(len(voxels), dtype=bool)
     for each in ignored:

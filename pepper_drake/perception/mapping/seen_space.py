@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.learning.dmp.point_cells import nearest_distances
-from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame, thing_labels
-from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters, voxel_keys
+from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame, cluster_labels
+from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters, one_per_voxel
 from pepper_drake.short_repr import short_repr
 
 Points = npt.NDArray[np.floating]
@@ -58,9 +58,9 @@ class SeenSpace:
         """
         if view.depth.size == 0:
             return replace(self, voxels=voxels)
-        most_alike, most = self.parameters.most_alike, self.parameters.most_views
+        max_similar_views, most = self.parameters.max_similar_views, self.parameters.max_views
         alike = [one for one in self.views if view.is_like(one, self.parameters)]
-        alike = alike[: max(len(alike) + 1 - most_alike, 0)]
+        alike = alike[: max(len(alike) + 1 - max_similar_views, 0)]
         others = tuple(one for one in self.views if not any(one is old for old in alike))
         return replace(self, voxels=voxels, views=(*others, view)[-most:])
 
@@ -117,7 +117,7 @@ class SeenSpace:
             spacing: Spacing of places, also of the seen ones used [m].
         """
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
-        below = p_W[np.unique(voxel_keys(p_W, spacing), return_index=True)[1]]
+        below = p_W[one_per_voxel(p_W, spacing)]
         # Nearer places count as occupied by the seen place itself.
         below = below - [0.0, 0.0, self.parameters.voxel_size + self.parameters.carve_margin]
         hidden = []
@@ -143,7 +143,7 @@ class SeenSpace:
         hangs = np.zeros(len(p_W), dtype=bool)
         if not len(p_W):
             return hangs
-        labels = thing_labels(p_W, gap)
+        labels = cluster_labels(p_W, gap)
         for thing in np.flatnonzero(np.bincount(labels) >= least):
             points = p_W[labels == thing]
             lowest = points[points[:, 2] < points[:, 2].min() + gap]

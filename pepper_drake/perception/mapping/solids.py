@@ -239,7 +239,7 @@ def _lower_distances(least: npt.NDArray[np.float64], points: Points, solids: Sol
 
 
 @compiled
-def least_link_distances(
+def minimum_link_distances(
     rotations: npt.NDArray[np.float64],
     positions: npt.NDArray[np.float64],
     links: npt.NDArray[np.int64],

@@ -27,6 +27,8 @@ from pepper_drake.short_repr import figure_view, short_repr, short_signature
 
 _KEY_BITS = 21
 _KEY_OFFSET = 1 << (_KEY_BITS - 1)
+_FINE_KEYS = 1 << (_KEY_BITS - 2)
+"""Added to the keys of small voxels: half a million voxels upwards, where no large ones are."""
 _LEAST_PIXELS = 4
 """Smallest number of measured pixels, of nine, for a voxel to be seen through."""
 
@@ -37,6 +39,9 @@ class VoxelMapParameters:
 
     Attributes:
         voxel_size: Edge of a voxel [m].
+        fine_radius: Distance from the goal object up to which voxels are half as large [m]. A
+            voxel's mean lies in the middle of its points, at an edge of a thing inside it, so that
+            a hand seems to be farther from the edge than it is.
         hit: Increase of a voxel's score by a frame with a point in it.
         miss: Decrease by a frame that sees through the voxel.
         doubt: Decrease by a frame that sees the voxel's surface, but no point in the voxel: removes
@@ -50,15 +55,16 @@ class VoxelMapParameters:
         max_weight: Largest number of points that a voxel's mean weighs, so that it follows slow
             changes.
         settled_score: Score of voxels seen often enough to check images against.
-        alike_distance: Views whose cameras are closer than this [m], ...
-        alike_angle: ... and rotated by less than this [rad], are similar.
-        most_alike: Number of similar views that are kept, ...
-        most_views: ... and of all views; the oldest is dropped first.
+        similar_distance: Views whose cameras are closer than this [m], ...
+        similar_angle: ... and rotated by less than this [rad], are similar.
+        max_similar_views: Number of similar views that are kept, ...
+        max_views: ... and of all views; the oldest is dropped first.
     """
 
     __signature__ = short_signature
 
     voxel_size: float = 0.0125
+    fine_radius: float = 0.25
     hit: int = 1
     miss: int = 2
     doubt: int = 1
@@ -69,10 +75,10 @@ class VoxelMapParameters:
     max_distance: float = 3.0
     max_weight: float = 40.0
     settled_score: int = 3
-    alike_distance: float = 0.15
-    alike_angle: float = 0.15
-    most_alike: int = 3
-    most_views: int = 32
+    similar_distance: float = 0.15
+    similar_angle: float = 0.15
+    max_similar_views: int = 3
+    max_views: int = 32
 
     def __post_init__(self) -> None:
         if not self.voxel_size > 0:
@@ -162,8 +168,34 @@ def voxel_keys(positions: npt.NDArray[np.floating], voxel_size: float) -> npt.ND
     return (cells[:, 0] << 2 * _KEY_BITS) | (cells[:, 1] << _KEY_BITS) | cells[:, 2]
 
 
+def one_per_voxel(positions: npt.NDArray[np.floating], voxel_size: float) -> npt.NDArray[np.int64]:
+    """Returns the index of one point (N, 3) of each voxel of that size [m] with any."""
+    return np.asarray(np.unique(voxel_keys(positions, voxel_size), return_index=True)[1])
+
+
+def _graded_keys(
+    positions: npt.NDArray[np.floating],
+    p_WO: npt.NDArray[np.floating] | None,
+    parameters: VoxelMapParameters,
+) -> npt.NDArray[np.int64]:
+    """Returns the key of each point's (N, 3) voxel, which near the goal object is a small one.
+
+    When the object moves, voxels of the wrong size are no longer hit, and disappear when seen.
+    """
+    keys = voxel_keys(positions, parameters.voxel_size)
+    if p_WO is not None:
+        offset = positions - p_WO.astype(positions.dtype)
+        near = np.einsum("ij,ij->i", offset, offset) < parameters.fine_radius**2
+        keys[near] = voxel_keys(positions[near], 0.5 * parameters.voxel_size) + _FINE_KEYS
+    return keys
+
+
 def add_points(
-    voxels: VoxelMap, surface: SurfacePoints, time: float, parameters: VoxelMapParameters
+    voxels: VoxelMap,
+    surface: SurfacePoints,
+    time: float,
+    parameters: VoxelMapParameters,
+    p_WO: npt.NDArray[np.floating] | None = None,
 ) -> VoxelMap:
     """Adds one frame's points; each voxel with any is hit once.
 
@@ -171,13 +203,12 @@ def add_points(
         voxels: The map.
         surface: The frame's points.
         time: Capture time of the frame [s].
-        parameters: Voxel size and scores.
+        parameters: Voxel sizes and scores.
+        p_WO: The goal object's position (3,) [m]; None if unknown.
     """
     if len(surface.positions) == 0:
         return voxels
-    keys, cell = np.unique(
-        voxel_keys(surface.positions, parameters.voxel_size), return_inverse=True
-    )
+    keys, cell = np.unique(_graded_keys(surface.positions, p_WO, parameters), return_inverse=True)
     count = len(keys)
     weight = np.bincount(cell, minlength=count)
     normals = np.nan_to_num(surface.normals, nan=0.0)

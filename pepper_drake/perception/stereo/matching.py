@@ -91,7 +91,7 @@ class StereoParameters:
         uniqueness: Margin by which the best match must beat the second [percent].
         speckle_size: Regions of fewer pixels are dropped as mismatches.
         left_right: Largest disagreement of the matches from left and right [pixels].
-        least_texture: Smallest standard deviation of grey levels in a block that can be matched.
+        min_texture: Smallest standard deviation of grey levels in a block that can be matched.
         body_margin: Margin by which the robot's shapes are enlarged to mask the image [m].
         exchanged: Left and right count as exchanged if, the other way round, more than this many
             times as many pixels match, ...
@@ -105,7 +105,7 @@ class StereoParameters:
     uniqueness: int = 15
     speckle_size: int = 300
     left_right: int = 1
-    least_texture: float = 2.5
+    min_texture: float = 2.5
     body_margin: float = 0.01
     exchanged: float = 3.0
     few_matches: float = 0.02
@@ -292,7 +292,7 @@ def match(
     window = (parameters.block + 4,) * 2
     mean = cv2.boxFilter(left, cv2.CV_32F, window)
     variance = cv2.sqrBoxFilter(left, cv2.CV_32F, window) - np.square(mean)
-    is_reliable = (variance >= parameters.least_texture**2) & (disparity >= smallest)
+    is_reliable = (variance >= parameters.min_texture**2) & (disparity >= smallest)
     found = np.where(is_reliable & (disparity <= largest), disparity, np.float32(0))
     return refine_disparity(left, right, found, parameters)
 

@@ -23,16 +23,16 @@ class SegmentationParameters:
 
     Attributes:
         jump: Smallest step of disparity between two objects [pixels].
-        lying: Slope of disparity over rows that separates horizontal surfaces, such as a table
-            (larger), from objects standing on them [pixels per row]; a table h below the camera has
-            baseline / h.
+        horizontal_slope: Slope of disparity over rows that separates horizontal surfaces, such as
+            a table (larger), from objects standing on them [pixels per row]; a table h below the
+            camera has baseline / h.
         slope_window: Edge of the window in which the slope is measured, odd [pixels].
         smallest: Segments of fewer pixels are mismatches.
         closing: Holes narrower than this are closed before the segmentation [pixels].
     """
 
     jump: float = 2.0
-    lying: float = 0.08
+    horizontal_slope: float = 0.08
     slope_window: int = 15
     smallest: int = 400
     closing: int = 7
@@ -69,7 +69,7 @@ def segment_disparity(
     ramp /= np.sum(ramp**2) * len(ramp)
     slope = cv2.sepFilter2D(filled, cv2.CV_32F, np.ones_like(ramp), ramp)
     large = []
-    for kind in (slope > parameters.lying, slope <= parameters.lying):
+    for kind in (slope > parameters.horizontal_slope, slope <= parameters.horizontal_slope):
         cores = cv2.erode((smooth & kind).astype(np.uint8), small)
         contours, _ = cv2.findContours(cores, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
         large += [c for c in contours if cv2.contourArea(c) >= parameters.smallest]

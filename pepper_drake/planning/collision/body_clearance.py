@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from pepper_drake.learning.dmp.point_cells import least_gaps
+from pepper_drake.learning.dmp.point_cells import minimum_gaps
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.planning.collision.sphere_model import arm_link_names, make_link_spheres
@@ -100,7 +100,7 @@ class BodyClearance:
         if not (np.isfinite(base_poses).all() and np.isfinite(joint_position).all()):
             raise ValueError("base poses and joints must be finite")
         p_W = at_base_poses(self.centers(joint_position), base_poses)
-        return least_gaps(p_W, self._spheres.radii, field.cells, within)
+        return minimum_gaps(p_W, self._spheres.radii, field.cells, within)
 
 
 def at_base_poses(p_B: Vector, base_poses: Vector) -> Vector:

@@ -13,9 +13,9 @@ FARTHEST = 0.15
 class ClearanceTable:
     """Thresholds of the arm's clearance to the obstacle cloud, in ascending order.
 
-    The order is stop < start < slow < replan < resume < want < optimise < retreat: otherwise a plan
-    that is just good enough to start would be stopped or replanned at once. All must be less than
-    `FARTHEST`.
+    The order is stop < start < slow < replan < resume < want < search_target < retreat_end:
+    otherwise a plan that is just good enough to start would be stopped or replanned at once. All
+    must be less than `FARTHEST`.
 
     Raises:
         InputError: A clearance is not greater than the one before it.
@@ -23,7 +23,7 @@ class ClearanceTable:
 
     stop: float = 0.002
     """Clearance below which the safety monitor stops the arm [m]: twice the cloud's noise."""
-    start: float = 0.006
+    start: float = 0.005
     """Least clearance of an accepted plan [m]: `stop` and an allowance for tracking errors."""
     slow: float = 0.009
     """Clearance below which the arm is as slow as in unseen space [m]: more than `stop` and the
@@ -35,9 +35,9 @@ class ClearanceTable:
     """Clearance below which a waiting arm resumes only if no better path is found [m]."""
     want: float = 0.016
     """Clearance with which a plan is taken without searching for a better one [m]."""
-    optimise: float = 0.020
+    search_target: float = 0.020
     """Target of the trajectory search [m]: `want` and the loss from fitting a primitive."""
-    retreat: float = 0.060
+    retreat_end: float = 0.060
     """Clearance at which a retreat ends [m]: a forearm's radius."""
 
     def __post_init__(self) -> None:
@@ -46,7 +46,16 @@ class ClearanceTable:
 
     def check(self) -> None:
         """Raises InputError unless the clearances ascend; loaders that set fields call it again."""
-        names = ("stop", "start", "slow", "replan", "resume", "want", "optimise", "retreat")
+        names = (
+            "stop",
+            "start",
+            "slow",
+            "replan",
+            "resume",
+            "want",
+            "search_target",
+            "retreat_end",
+        )
         for lower, upper in itertools.pairwise(names):
             low, high = getattr(self, lower), getattr(self, upper)
             if not low < high:
@@ -54,8 +63,8 @@ class ClearanceTable:
                     f"clearance.{upper} is {high:g} m; it must be greater than "
                     f"clearance.{lower}, {low:g} m"
                 )
-        if not self.retreat < FARTHEST:
+        if not self.retreat_end < FARTHEST:
             raise InputError(
-                f"clearance.retreat is {self.retreat:g} m; it must be less than {FARTHEST:g} m, "
-                "beyond which no distance is computed"
+                f"clearance.retreat_end is {self.retreat_end:g} m; it must be less than "
+                f"{FARTHEST:g} m, beyond which no distance is computed"
             )

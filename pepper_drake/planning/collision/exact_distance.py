@@ -4,14 +4,14 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from pepper_drake.learning.dmp.point_cells import least_gaps
+from pepper_drake.learning.dmp.point_cells import minimum_gaps
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.perception.mapping.solids import (
     Solid,
     SolidArrays,
     collision_solids,
-    least_link_distances,
+    minimum_link_distances,
 )
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
 
@@ -68,10 +68,10 @@ class ExactDistance:
             raise ValueError("joints must be finite")
         poses = self.kinematics.poses(joints, X_FT)
         centers = self.kinematics.sphere_centers(poses)
-        least: Vector = least_gaps(centers, self.kinematics.spheres.radii, field.cells, within)
+        least: Vector = minimum_gaps(centers, self.kinematics.spheres.radii, field.cells, within)
         near = np.flatnonzero(least < NEAR)
         if len(near):
-            least[near] = least_link_distances(
+            least[near] = minimum_link_distances(
                 poses.rotations[near],
                 poses.positions[near],
                 self._links,

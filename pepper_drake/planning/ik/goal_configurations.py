@@ -38,11 +38,34 @@ class GoalConfigurations:
         self._kinematics, self._lower, self._upper = kinematics, lower, upper
         rng = np.random.default_rng(_SEED)
         self._joints = rng.uniform(lower, upper, (_LIBRARY_SIZE, 5))
-        self._hands = cKDTree(kinematics.poses(self._joints).hand_position)
+        poses = kinematics.poses(self._joints)
+        self._hands, self._rotations = cKDTree(poses.hand_position), poses.hand_rotation
 
-    def near(self, p_TH: Vector, count: int) -> Vector:
-        """Returns the library's postures (count, 5) [rad] with hands nearest to a point (3,)."""
-        return self._joints[self._hands.query(p_TH, k=count)[1]]
+    def near(
+        self,
+        p_TH: Vector,
+        count: int,
+        R_TG: Vector,
+        axis: npt.ArrayLike,
+        tolerance: float,
+        among: int,
+    ) -> Vector:
+        """Returns the library's postures (count, 5) [rad] with hands nearest to a point.
+
+        Those whose hand axis is close to the goal's come first: where few are, hardly any of the
+        very nearest is of use.
+
+        Args:
+            p_TH: The point (3,) in T [m].
+            count: Number of postures.
+            R_TG: Orientation of the goal (3, 3).
+            axis: Axis (3,) in H.
+            tolerance: Largest angle between the axes [rad].
+            among: Number of the nearest postures from which they are chosen.
+        """
+        nearest = np.asarray(self._hands.query(p_TH, k=max(count, among))[1])
+        turned = axis_error(self._rotations[nearest], R_TG, axis) <= tolerance
+        return self._joints[nearest[np.argsort(~turned, kind="stable")[:count]]]
 
     def solve(self, target: Vector, starts: Vector) -> tuple[Vector, npt.NDArray[np.bool_]]:
         """Moves postures as little as needed to bring their hands to a point.

@@ -65,8 +65,11 @@ class BasePlacement:
             has_room: Tells at which base poses the body is free of collisions.
         """
         params = self._params
-        for slack, count in ((params.slack, params.places_with_slack), (0.0, params.places_tried)):
-            places = np.array(list(self.within_reach(base_pose, joint_position, X_WO, slack)))
+        for margin, count in (
+            (params.reach_margin, params.max_placements_with_margin),
+            (0.0, params.max_simulated_placements),
+        ):
+            places = np.array(list(self.within_reach(base_pose, joint_position, X_WO, margin)))
             yield from _spread(_free(places, has_room), count)
 
     def wide_candidates(
@@ -78,7 +81,7 @@ class BasePlacement:
     ) -> Iterator[Vector]:
         """Yields base poses all around the goal, comfortable or not; see `__call__`."""
         places = np.array(list(self.within_reach(base_pose, joint_position, X_WO, 0.0)))
-        yield from _spread(_free(places, has_room), self._params.places_searched)
+        yield from _spread(_free(places, has_room), self._params.wide_search_placements)
 
     def is_reachable(self, base_pose: Vector, joint_position: Vector, X_WO: RigidTransform) -> bool:
         """True if the goal is at a height within the arm's reach."""
@@ -90,11 +93,11 @@ class BasePlacement:
         return self._model.pose(context, "torso")
 
     def within_reach(
-        self, base_pose: Vector, joint_position: Vector, X_WO: RigidTransform, slack: float
+        self, base_pose: Vector, joint_position: Vector, X_WO: RigidTransform, margin: float
     ) -> Iterator[tuple[float, float, float]]:
         """Yields base poses with the goal within the arm's reach, the most comfortable first.
 
-        With slack, poses come first from which the goal may move away by that distance [m].
+        With a margin, poses come first from which the goal may move away by that distance [m].
         """
         params = self._params
         side = 1.0 if self._arm == "left" else -1.0
@@ -113,7 +116,7 @@ class BasePlacement:
         fingers = X_WG.rotation().col(0)
         heading = np.arctan2(fingers[1], fingers[0])
         z_UG = X_WG.translation()[2] - X_BT.translation()[2]
-        ahead = np.array([slack, 0.0, 0.0])
+        ahead = np.array([margin, 0.0, 0.0])
         options = []
         for x in np.arange(0.16, 0.33, 0.02):
             for y in np.arange(0.08, 0.27, 0.04):

@@ -101,7 +101,7 @@ class BasePlacementPlanner:
     def standing_field(self, observation: Observation) -> PointCloudDistance:
         """Returns distances to the obstacles, extended to the floor where that is hidden."""
         params, obstacles = self._evaluator.params, observation.obstacles
-        if observation.space is not None and params.unseen.drive:
+        if observation.space is not None and params.unseen.check_drive:
             hidden = observation.space.hidden_below(obstacles, params.unseen.cell)
             obstacles = np.concatenate((obstacles, hidden))
         return PointCloudDistance(obstacles, extension=params.solid_depth)
@@ -116,32 +116,32 @@ class BasePlacementPlanner:
         path from any, those of the wide candidates; and then the path planner is asked for more of
         these.
         """
-        evaluator, far_allowance = self._evaluator, self._evaluator.params.far_allowance
+        evaluator, tolerance = self._evaluator, self._evaluator.params.predrive_clearance_tolerance
         if evaluator.adapter is None:
             for scene in usual:
-                yield evaluator.evaluate(scene, evaluator.demonstrated, far_allowance)
+                yield evaluator.evaluate(scene, evaluator.demonstrated, tolerance)
             return
         first = next(usual, None)
         if first is None:
             return
-        demonstrated = evaluator.evaluate(first, evaluator.demonstrated, far_allowance)
+        demonstrated = evaluator.evaluate(first, evaluator.demonstrated, tolerance)
         yield demonstrated
         found = self._is_clear_from_near(demonstrated)
         for plan in evaluator.adapted(
-            first, demonstrated.joint_path, plan=False, allowance=far_allowance
+            first, demonstrated.joint_path, plan=False, allowance=tolerance
         ):
             found |= self._is_clear_from_near(plan)
             yield plan
         params, easiest = evaluator.params, list[PlanningScene]()
-        for scenes, allowance in ((usual, far_allowance), (wide, 0.0)):
+        for scenes, allowance in ((usual, tolerance), (wide, 0.0)):
             if scenes is wide and found:
                 return
             easiest = self._easiest(scenes, allowance)
-            for scene in easiest[: params.places_adapted]:
+            for scene in easiest[: params.max_adapted_placements]:
                 for plan in evaluator.adapted(scene, plan=False, allowance=allowance):
                     found |= self._is_clear_from_near(plan)
                     yield plan
-        for scene in () if found else easiest[: params.places_planned]:
+        for scene in () if found else easiest[: params.max_path_planner_placements]:
             for plan in evaluator.adapted(scene, deform=False):
                 yield plan
                 if evaluator.is_good(plan):
@@ -167,5 +167,7 @@ class BasePlacementPlanner:
 
     def _is_short(self, plan: ReachPlan) -> bool:
         evaluator = self._evaluator
-        longest = evaluator.params.slowest * evaluator.demonstrated.primitive.duration
+        longest = (
+            evaluator.params.acceptable_duration_ratio * evaluator.demonstrated.primitive.duration
+        )
         return plan.movement is not None and plan.movement.primitive.duration <= longest

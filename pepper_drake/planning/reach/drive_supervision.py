@@ -61,7 +61,10 @@ class DriveSupervision:
     def _look_ahead_of_drive(self, state: ReachState) -> ReachState:
         """While the base placement is planned, looks along the likely drive with each new cloud."""
         observation = self._observation
-        if not self._planner.params.unseen.drive or observation.cloud_time == state.cloud_time:
+        if (
+            not self._planner.params.unseen.check_drive
+            or observation.cloud_time == state.cloud_time
+        ):
             return state
         x, y, z = self._planner.look_along_drive(self._without_predictions())
         due = self._time + self._timing.latency.drive
@@ -87,7 +90,11 @@ class DriveSupervision:
         if plan.status == PlanStatus.NOT_SEEN:
             return self._look_along_drive(state, plan)
         is_blocked = state.placement is not None and plan.status == PlanStatus.NO_STANDING_ROOM
-        if is_blocked and state.mode == ReachMode.LOOKING and state.places < self._timing.places:
+        if (
+            is_blocked
+            and state.mode == ReachMode.LOOKING
+            and state.places < self._timing.max_base_placements
+        ):
             return self._place_base(replace(state, placement=None, places=state.places + 1))
         if plan.status != PlanStatus.CLEAR:
             return state.fail(time, plan.status.value, plan.message)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from pepper_drake.errors import InputError
 
-LEAST_HIP_PITCH, MOST_HIP_PITCH = -0.55, 0.1
+MIN_HIP_PITCH, MAX_HIP_PITCH = -0.55, 0.1
 """Hip angles beyond which the robot is close to falling over [rad]."""
 
 
@@ -24,9 +24,9 @@ class LeanParams:
 
     def check(self) -> None:
         """Raises InputError for a hip angle at which the robot could fall over."""
-        if not all(LEAST_HIP_PITCH <= angle <= MOST_HIP_PITCH for angle in self.hip_pitch):
+        if not all(MIN_HIP_PITCH <= angle <= MAX_HIP_PITCH for angle in self.hip_pitch):
             raise InputError(
                 f"planner.lean.hip_pitch is {self.hip_pitch}; each angle must be between "
-                f"{LEAST_HIP_PITCH:g} and {MOST_HIP_PITCH:g} rad, beyond which the robot is close "
+                f"{MIN_HIP_PITCH:g} and {MAX_HIP_PITCH:g} rad, beyond which the robot is close "
                 "to falling over"
             )

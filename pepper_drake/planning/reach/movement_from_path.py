@@ -27,7 +27,7 @@ def fit_primitive_to_joint_path(
     joints: Vector,
     duration: float,
     name: str,
-    rest_share: float = ReachPlannerParams.rest_share,
+    rest_fraction: float = ReachPlannerParams.rest_fraction,
 ) -> MovementPrimitive:
     """Learns a primitive from a joint path as if it had been demonstrated.
 
@@ -40,10 +40,10 @@ def fit_primitive_to_joint_path(
         joints: (N, 5) at even times [rad].
         duration: Duration of the path [s]; the primitive's is longer by the rest at its end.
         name: Name of the primitive.
-        rest_share: Fraction of the movement for which it rests at its end.
+        rest_fraction: Fraction of the movement for which it rests at its end.
     """
-    fine, tau = np.linspace(0.0, 1.0, _SAMPLES), duration / (1.0 - rest_share)
-    q = _sampling(len(joints), rest_share) @ joints
+    fine, tau = np.linspace(0.0, 1.0, _SAMPLES), duration / (1.0 - rest_fraction)
+    q = _sampling(len(joints), rest_fraction) @ joints
     poses = kinematics.poses(q)
     rates, curvatures = spline_derivatives(fine, poses.hand_position)
     return MovementPrimitive.fit(
@@ -64,11 +64,11 @@ def fit_primitive_to_joint_path(
 
 
 @lru_cache(maxsize=16)
-def _sampling(count: int, rest_share: float) -> Vector:
+def _sampling(count: int, rest_fraction: float) -> Vector:
     """Returns the matrix (_SAMPLES, count) from even samples to those of a spline and a rest."""
     even, fine = np.linspace(0.0, 1.0, count), np.linspace(0.0, 1.0, _SAMPLES)
     spline = make_interp_spline(even, np.eye(count), k=3)
-    return np.asarray(spline(np.minimum(fine / (1.0 - rest_share), 1.0)))
+    return np.asarray(spline(np.minimum(fine / (1.0 - rest_fraction), 1.0)))
 
 
 def reachable_pre_grasp(

@@ -126,7 +126,7 @@ class ReachEvaluator:
             plan=plan,
             allowance=allowance,
         )
-        if path is not None and path.slack > -self.params.clearance.optimise:
+        if path is not None and path.slack > -self.params.clearance.search_target:
             yield self.evaluate(scene, self.movement_along(scene, path), allowance)
 
     def movement_along(
@@ -139,7 +139,7 @@ class ReachEvaluator:
             path.joints,
             path.duration,
             f"{demonstrated.primitive.name}, adapted",
-            self.params.rest_share,
+            self.params.rest_fraction,
         )
         X_OG = reachable_pre_grasp(demonstrated.X_OG, scene.X_TO, self.kinematics, path.joints[-1])
         coupling = self.coupling_along(scene, primitive)

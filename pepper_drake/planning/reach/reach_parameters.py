@@ -106,7 +106,7 @@ class ReachPlannerParams:
     """Largest distance of the hand from the shoulder [m]: 0.41 m stretched, less a margin."""
     obstacle_range: float = 1.0
     """Distance from the torso frame beyond which obstacles are out of the arm's reach [m]."""
-    slack: float = 0.08
+    reach_margin: float = 0.08
     """Displacement of the goal away from the robot that should stay within reach, if possible
     [m]."""
     body_clearance: float = 0.02
@@ -114,12 +114,12 @@ class ReachPlannerParams:
     drive_clearance: float = 0.015
     """Clearance of the whole robot to the cloud on the straight drive to a base placement [m]: more
     than the 0.01 m at which it stops during the drive, as its spheres bulge out by as much."""
-    room_lost: float = 0.004
+    placement_clearance_tolerance: float = 0.004
     """Clearance that a base placement may lose to the cloud's noise before the drive begins [m]:
     twice the variation in a still scene."""
     object_clearance: float = 0.001
     """Clearance of an adapted movement to the goal object, whose shape and pose are known [m]."""
-    far_allowance: float = 0.008
+    predrive_clearance_tolerance: float = 0.008
     """Clearance by which a plan made from a distance may fall short [m]; it is checked again on
     arrival, where the view of the scene is better."""
     self_clearance: float = -0.012
@@ -130,12 +130,12 @@ class ReachPlannerParams:
     """Settling time of the simulated movement after its end, in units of tau."""
     still_speed: float = 0.02
     """Joint speed below which the simulated arm counts as at rest at its goal [rad/s]."""
-    rest_share: float = 0.06
+    rest_fraction: float = 0.06
     """Fraction of an adapted movement for which it rests at its end: there the forcing term learns
     to be zero; otherwise its remainder would move the hand about at the goal."""
-    places_with_slack: int = 3
-    """Largest number of simulated base placements with `slack`."""
-    places_tried: int = 8
+    max_placements_with_margin: int = 3
+    """Largest number of simulated base placements with `reach_margin`."""
+    max_simulated_placements: int = 8
     """Largest number of other simulated base placements."""
     adapt: bool = True
     """True to adapt a movement that is not clear, for the whole arm; needs a
@@ -152,18 +152,18 @@ class ReachPlannerParams:
     """Retreat from an obstacle."""
     new_obstacle: NewObstacleParams = field(default_factory=NewObstacleParams)
     """Criteria of new points, and the extent of their unseen sides."""
-    shortest_detour: float = 0.8
+    min_detour_duration: float = 0.8
     """Least duration of a movement that is adapted while the arm moves [s]."""
-    slowest: float = 1.6
+    acceptable_duration_ratio: float = 1.6
     """Duration relative to the demonstration's up to which a plan is taken without comparison."""
-    places_adapted: int = 4
+    max_adapted_placements: int = 4
     """Base placements for which the movement is adapted at most."""
-    places_planned: int = 20
+    max_path_planner_placements: int = 20
     """Base placements for which the path planner is asked at most, if no movement can be adapted:
     each costs 0.1 s of a processor."""
     lean: LeanParams = field(default_factory=LeanParams)
     """Leaning forward to low goals."""
-    places_searched: int = 40
+    wide_search_placements: int = 40
     """Number of base placements that are ranked if none of the usual ones is good enough."""
 
     __repr__ = short_repr
@@ -223,17 +223,17 @@ class ReachTiming:
     elsewhere for up to 1.4 s."""
     confirmation_timeout: float = 3.0
     """Longest wait at the goal for such a sighting, after `holding` [s]."""
-    places: int = 3
+    max_base_placements: int = 3
     """Largest number of base placements that are driven to, if the reach is not clear there."""
     dwell: float = 0.2
     """Time for which the hand must stay within its tolerance to have arrived [s]."""
     holding: float = 1.0
     """Time for which the hand stays at the goal before the reach is done [s]."""
-    reaching_timeout: float = 2.5
+    movement_timeout_ratio: float = 2.5
     """Longest duration of one movement, in units of tau."""
     reach_timeout: float = 35.0
     """Longest time from the arm's first start to its arrival, replanning included [s]."""
-    slow_reach: float = 25.0
+    max_slowdown_extension: float = 25.0
     """Largest extension of `reach_timeout` for slowing down [s]: time to pass 1 m along a
     stationary obstacle, at 0.04 m/s."""
     blocked_timeout: float = 20.0
@@ -250,7 +250,7 @@ class ReachTiming:
     stopping [s]."""
     at_rest: float = 0.1
     """Joint speed below which an entirely new plan may be made for a waiting arm [rad/s]."""
-    clearance_lost: float = 0.003
+    replan_clearance_loss: float = 0.003
     """Loss of clearance that triggers a replan of a plan with less than the clearance `replan`
     [m]."""
     images_lost: float = 2.0

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from pepper_drake.models.control_model import CONTROL_PERIOD, CommandLimits
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
-from pepper_drake.planning.reach.lean_params import LEAST_HIP_PITCH, MOST_HIP_PITCH
+from pepper_drake.planning.reach.lean_params import MAX_HIP_PITCH, MIN_HIP_PITCH
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams, ReachTiming
@@ -76,7 +76,7 @@ class ReachPlan:
     look_at: Vector = field(default_factory=lambda: np.full(3, np.nan))
     p_WO: Vector | None = None
 
-    def flaw(self, p_WO: Vector, reach: float, tolerance: float) -> str | None:
+    def invalid_reason(self, p_WO: Vector, reach: float, tolerance: float) -> str | None:
         """Returns a sentence about a value that no correct planner returns, or None.
 
         Args:
@@ -92,7 +92,7 @@ class ReachPlan:
         if self.hip_pitch is not None:
             if not np.isfinite(self.hip_pitch):
                 return "the planner gave a hip angle that is not a number"
-            if not LEAST_HIP_PITCH <= self.hip_pitch <= MOST_HIP_PITCH:
+            if not MIN_HIP_PITCH <= self.hip_pitch <= MAX_HIP_PITCH:
                 return f"the planner gave a hip angle of {self.hip_pitch:.2f} rad"
         if self.joint_path is not None and not np.isfinite(self.joint_path).all():
             return "the planner gave joint angles that are not numbers"
@@ -154,7 +154,7 @@ class RemainingClearance(NamedTuple):
     distances: Vector
 
     @property
-    def least(self) -> float:
+    def minimum(self) -> float:
         """The least distance [m]."""
         return float(self.distances.min())
 

@@ -108,7 +108,10 @@ class ReachPlanner:
     def look_along_drive(self, observation: Observation) -> Vector:
         """Returns where to look before the base placement is known; see `Planner`."""
         places = self.base_placement.within_reach(
-            observation.base_pose, observation.joint_position, observation.X_WO, self.params.slack
+            observation.base_pose,
+            observation.joint_position,
+            observation.X_WO,
+            self.params.reach_margin,
         )
         likely = next(places, observation.base_pose)
         plan = ReachPlan(PlanStatus.CLEAR, "", np.asarray(likely))
@@ -116,7 +119,7 @@ class ReachPlanner:
 
     def check_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a base placement, checked again; see `Planner`."""
-        lost, hip_pitch = self.params.room_lost, plan.hip_pitch
+        lost, hip_pitch = self.params.placement_clearance_tolerance, plan.hip_pitch
         if hip_pitch is None:
             has_room = self._base_planner.has_room(plan.base_pose[None], observation, lost=lost)[0]
         else:
@@ -166,7 +169,7 @@ class ReachPlanner:
         centers = self._evaluator.kinematics.sphere_centers_at(ahead[::stride])
         place, first = StaleSpace().place, len(centers)
         if space is not None:
-            recently = replace(params, oldest=params.recent)
+            recently = replace(params, max_age=params.recent)
             unseen = self._unseen(
                 ahead, plan.time_step, observation, space, recently, duration, movable
             )
@@ -203,7 +206,7 @@ class ReachPlanner:
         unseen = self._unseen(plan.joint_path, plan.time_step, observation, space, params)
         region = unseen.region
         plan = replace(plan, unseen=region, out_of_view=unseen.out_of_view)
-        if not len(region) or params.accept or not plan.collision_checked:
+        if not len(region) or params.allow_motion or not plan.collision_checked:
             return plan
         plan = replace(plan, look_at=region.mean(axis=0))
         X_WT = self._evaluator.scenes.torso_pose(observation)
@@ -213,7 +216,7 @@ class ReachPlanner:
     def _with_unseen_drive(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Adds the unseen space swept by its drive to a base placement, which is then not clear."""
         params, space = self.params.unseen, observation.space
-        if space is None or not params.drive:
+        if space is None or not params.check_drive:
             return plan
         X_WT = self._evaluator.scenes.torso_pose(observation)
         spheres = self._body_spheres(self._carried, observation, X_WT)
@@ -238,7 +241,7 @@ class ReachPlanner:
             out_of_view=unseen.out_of_view,
             look_at=best_look(unseen, X_WT, spheres, params),
         )
-        if not len(region) or params.accept:
+        if not len(region) or params.allow_motion:
             return plan
         sentence = unseen_sentence(region, X_WT, params, "the robot")
         return replace(plan, status=PlanStatus.NOT_SEEN, message=f"on its drive {sentence}")

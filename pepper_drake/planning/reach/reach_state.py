@@ -245,7 +245,7 @@ class ReachState:
         )
 
 
-def obey(state: ReachState, command: ReachCommand, time: float) -> ReachState:
+def apply_command(state: ReachState, command: ReachCommand, time: float) -> ReachState:
     """Returns the state after a command; a repeated command has no effect.
 
     Args:

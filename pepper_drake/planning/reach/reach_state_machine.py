@@ -12,7 +12,7 @@ from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import NOWHERE, RESTS, Effect, Pending, ReachState
 from pepper_drake.planning.reach.replanner import ReachReplanner
-from pepper_drake.planning.reach.separation import changed_speed, speed_share
+from pepper_drake.planning.reach.separation import changed_speed, speed_fraction
 from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
 
 UNCONFIRMED = "reached_unconfirmed"
@@ -68,12 +68,13 @@ class _Supervision(DriveSupervision):
     def fault(self, state: ReachState) -> ReachState | None:
         """Returns the failed state if the reach cannot go on, else None."""
         observation, timing, time = self._observation, self._timing, self._time
-        stop, complaint = observation.stop_reason, state.steadiness.complaint(timing.steadiness)
+        stop = observation.stop_reason
+        unsteady = state.steadiness.unsteady_signal(timing.steadiness)
         if stop != StopReason.NONE:
             sentence = stop_sentence(stop, observation.stop_joint)
-            if complaint is None or stop == StopReason.REQUESTED:
+            if unsteady is None or stop == StopReason.REQUESTED:
                 return state.fail(time, stop.name.lower(), sentence)
-            return state.fail(time, complaint[0], f"{complaint[1]}; {sentence}")
+            return state.fail(time, unsteady[0], f"{unsteady[1]}; {sentence}")
         if state.mode == ReachMode.LOOKING:
             return None
         if observation.goal_age > timing.goal_lost:
@@ -81,9 +82,9 @@ class _Supervision(DriveSupervision):
             return self._goal_unseen(state, "goal_lost", message)
         if observation.cloud_age > timing.cloud_lost:
             return state.fail(time, "cloud_missing", self._observation.cloud_message)
-        if complaint is not None:
-            return state.fail(time, *complaint)
-        longest = timing.reach_timeout + min(state.slowed, timing.slow_reach)
+        if unsteady is not None:
+            return state.fail(time, *unsteady)
+        longest = timing.reach_timeout + min(state.slowed, timing.max_slowdown_extension)
         if state.mode == ReachMode.REACHING and time - state.started > longest:
             message = f"the hand had not arrived {longest:.0f} s after the arm started"
             return self._fail(state, "timeout", message)
@@ -114,8 +115,8 @@ class _Supervision(DriveSupervision):
             params = self._planner.params
             farthest = params.obstacle_range if is_placed else np.inf
             p_WO = (result.observation or self._observation).p_WO
-            if (flaw := plan.flaw(p_WO, farthest, params.tolerance.moved)) is not None:
-                return state.fail(time, "plan_invalid", flaw)
+            if (invalid := plan.invalid_reason(p_WO, farthest, params.tolerance.moved)) is not None:
+                return state.fail(time, "plan_invalid", invalid)
         if result.effect == Effect.MOVEMENT:
             moving = state.to(ReachMode.REACHING, time)
             return moving.with_plan(plan, time, result.suspended_plan)
@@ -132,7 +133,7 @@ class _Supervision(DriveSupervision):
                 return replace(state, plan=None, look_at=(x, y, z))
             if not self._has_settled(state):
                 return replace(state, plan=None)  # The map still improves while the robot stands.
-            if self._may_drive(state) and state.places < self._timing.places:
+            if self._may_drive(state) and state.places < self._timing.max_base_placements:
                 return self._place_base(state)
             return state.fail(time, plan.status.value, plan.message)
         return self.placed(state, plan)
@@ -200,7 +201,7 @@ class _Supervision(DriveSupervision):
         if not state.active_movement or state.is_planning:
             return state  # The start of the plan being computed was predicted at this speed.
         params, stale = self._timing.separation, state.stale
-        wanted = speed_share(stale._replace(time=stale.time - state.performed), params)
+        wanted = speed_fraction(stale._replace(time=stale.time - state.performed), params)
         speed = changed_speed(state.speed, wanted, self._timing.time_step, params)
         return state if speed == state.speed else replace(state, speed=speed)
 
@@ -229,7 +230,7 @@ class _Supervision(DriveSupervision):
             if time - state.still_since >= timing.dwell - ROUNDING:
                 return state.to(ReachMode.HOLDING, time)
             return state
-        if elapsed > timing.reaching_timeout * self._observation.tau:
+        if elapsed > timing.movement_timeout_ratio * self._observation.tau:
             if error <= tolerance.accept:
                 return state.to(ReachMode.HOLDING, time)
             message = f"the hand stayed {1000 * error:.0f} mm from its goal"

@@ -32,7 +32,7 @@ def replan(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation)
     """Returns the best plan for the rest of a movement; see `Planner`."""
     scene = evaluator.scenes(observation)
     rest = path_ahead(plan, observation)
-    duration = max((len(rest) - 1) * plan.time_step, evaluator.params.shortest_detour)
+    duration = max((len(rest) - 1) * plan.time_step, evaluator.params.min_detour_duration)
     path = None
     if evaluator.adapter is not None:
         path = evaluator.adapter.adapt_remaining(
@@ -58,12 +58,12 @@ def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observ
         scene.arm.position,
         scene.arm.velocity,
         scene.checker.distances,
-        evaluator.params.clearance.retreat,
+        evaluator.params.clearance.retreat_end,
         evaluator.limits,
         evaluator.params.retreat,
     )
     primitive = fit_primitive_to_joint_path(
-        kinematics, joints, duration, "retreat", evaluator.params.rest_share
+        kinematics, joints, duration, "retreat", evaluator.params.rest_fraction
     )
     end = kinematics.poses(joints[-1:])
     X_TG = RigidTransform(

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from pepper_drake.perception.mapping.voxel_map import one_per_voxel
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
@@ -45,7 +46,7 @@ class ReachReplanner:
     def is_free(self, plan: ReachPlan, observation: Observation) -> bool:
         """True if the rest of a plan's path keeps its clearance."""
         rest = self.planner.remaining_clearance(plan, observation)
-        return rest.least >= self._replan_clearance(plan)
+        return rest.minimum >= self._replan_clearance(plan)
 
     def __call__(self, state: ReachState, observation: Observation) -> ReachState:
         """Returns the state after a new cloud, with decisions in `pending`."""
@@ -57,7 +58,8 @@ class ReachReplanner:
             # The head looks at what the arm waits for: unseen, it would not be seen to leave.
             x, y, z = new.mean(axis=0)
             state = replace(state, look_at=(x, y, z))
-        if has_waited and self._stands(state, observation):
+        stands = has_waited and self._stands(state, observation)
+        if stands:
             # An obstacle that has stood still for the whole wait no longer counts as new.
             known = observation if state.planned_with is None else state.planned_with
             state = replace(state, planned_with=known.with_cloud(observation.obstacles))
@@ -76,7 +78,7 @@ class ReachReplanner:
             state = replace(state, look_at=stale.place, stale=stale)
         elif not state.braking:
             state = replace(state, stale=self._retreat_separation(plan, observation, new))
-        is_free = rest.least >= self._replan_clearance(reach)
+        is_free = rest.minimum >= self._replan_clearance(reach)
         if is_free and is_under_way and not state.braking:
             return state
         # The arm will retreat from a moving obstacle anyway, so it brakes at once.
@@ -94,7 +96,7 @@ class ReachReplanner:
         if is_free or has_waited or may_pass:
             detour = self._detour(state, reach, observation.with_arm(start), seen, is_free)
             if detour.status == PlanStatus.CLEAR and (
-                is_under_way or detour.clearance >= self._replan_clearance(reach)
+                is_under_way or stands or detour.clearance >= self._replan_clearance(reach)
             ):
                 return state.later(Pending(due, Effect.MOVEMENT, detour, observation))
             state = replace(state, checked=time, message="")
@@ -112,17 +114,21 @@ class ReachReplanner:
             return np.zeros((0, 3))
         params = self.planner.params.new_obstacle
         new = new_points(observation.cloud, began.cloud_tree, observation.p_WO, params)
-        return new if len(new) >= params.fewest else new[:0]
+        new = new[one_per_voxel(new, params.spacing)]
+        return new if len(new) >= params.min_points else new[:0]
 
     def hanging(self, observation: Observation) -> Vector:
         """Returns points (N, 3) of things near the goal that hang in the air, in W [m]."""
         space, params = observation.space, self.planner.params.new_obstacle
-        near = np.linalg.norm(observation.cloud - observation.p_WO, axis=1) < params.near
+        near = (
+            np.linalg.norm(observation.cloud - observation.p_WO, axis=1) < params.max_goal_distance
+        )
         if space is None or not near.any():
             return np.zeros((0, 3))
         cloud = observation.cloud[near]
         cloud = cloud[~carries_object(cloud, observation.p_WO, params)]
-        hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.fewest)
+        cloud = cloud[one_per_voxel(cloud, params.spacing)]
+        hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.min_points)
         return cloud[hangs]
 
     def _retreat_separation(
@@ -137,7 +143,7 @@ class ReachReplanner:
         if not len(new):
             return StaleSpace()
         rest = self.planner.remaining_clearance(plan, observation.with_cloud(new))
-        soon = rest.distances[rest.times <= self.planner.params.new_obstacle.left_within]
+        soon = rest.distances[rest.times <= self.planner.params.new_obstacle.escape_time]
         if soon[-1] > soon[0]:
             return StaleSpace()
         return self.planner.stale_space(plan, observation, new, new[:0])._replace(time=np.inf)
@@ -145,7 +151,7 @@ class ReachReplanner:
     def _replan_clearance(self, plan: ReachPlan) -> float:
         """Returns the clearance below which a movement is replanned [m]."""
         return min(
-            self.planner.params.clearance.replan, plan.clearance - self.timing.clearance_lost
+            self.planner.params.clearance.replan, plan.clearance - self.timing.replan_clearance_loss
         )
 
     def _has_waited(self, state: ReachState, time: float) -> bool:
@@ -160,9 +166,9 @@ class ReachReplanner:
             return True
         if before is None or not len(before.predicted_cloud):
             return False
-        stands_within = self.planner.params.new_obstacle.stands_within
+        stationary_tolerance = self.planner.params.new_obstacle.stationary_tolerance
         tree = cKDTree(before.predicted_cloud)
-        distances = tree.query(predicted, distance_upper_bound=stands_within)[0]
+        distances = tree.query(predicted, distance_upper_bound=stationary_tolerance)[0]
         return bool(np.isfinite(distances).all())
 
     def _with_hidden_sides(self, state: ReachState, observation: Observation) -> Vector:
@@ -231,9 +237,11 @@ class ReachReplanner:
         detour = self.planner.replan(reach, around)
         is_at_rest = np.abs(observation.arm.velocity).max() < self.timing.at_rest
         waited = state.suspended_plan is not None and is_at_rest
-        if waited and detour.clearance < self.planner.params.clearance.resume:
+        is_clear = detour.status == PlanStatus.CLEAR
+        if waited and not (is_clear and detour.clearance >= self.planner.params.clearance.resume):
             anew = self.planner.check_reach(around)
-            if anew.status == PlanStatus.CLEAR and anew.clearance > detour.clearance:
+            is_better = not is_clear or anew.clearance > detour.clearance
+            if anew.status == PlanStatus.CLEAR and is_better:
                 return anew
         return detour
 
@@ -249,6 +257,6 @@ class ReachReplanner:
             seen = seen.with_cloud(np.concatenate((seen.cloud, state.planned_with.cloud)))
         retreat = self.planner.plan_retreat(plan, seen)
         rest = self.planner.remaining_clearance(plan, seen)
-        if waits and retreat.clearance <= rest.least:
+        if waits and retreat.clearance <= rest.minimum:
             return state  # There is no better place than where the arm is going.
         return state.later(Pending(due, Effect.MOVEMENT, retreat, suspended_plan=reach))

@@ -44,7 +44,7 @@ class SeparationParams:
     """Deceleration a of the arm's fastest point [m/s²]: 0.5 m/s within the 0.25 s of `slowing`."""
     intrusion: float = 0.03
     """Distance by which a new obstacle may extend beyond its visible part, C and Z [m]."""
-    slowest: float = 0.02
+    min_speed_fraction: float = 0.02
     """Least fraction of a movement's speed: above zero, so that the movement ends."""
 
 
@@ -75,7 +75,7 @@ def separated_speed(distance: float, params: SeparationParams) -> float:
     return float(a * (np.sqrt(linear**2 + 2.0 * room / a) - linear))
 
 
-def speed_share(stale: StaleSpace, params: SeparationParams) -> float:
+def speed_fraction(stale: StaleSpace, params: SeparationParams) -> float:
     """Returns the allowed fraction of the movement's speed, from 0 to 1."""
     share, fastest = 1.0, max(stale.fastest, 1e-9)
     if np.isfinite(stale.time):
@@ -83,7 +83,7 @@ def speed_share(stale: StaleSpace, params: SeparationParams) -> float:
         share = k * (np.sqrt(r**2 + 2.0 * max(stale.time, 0.0) / k) - r)
     share = min(share, separated_speed(stale.distance, params) / fastest)
     gentle = params.touch_speed / fastest
-    return float(min(max(share, gentle, params.slowest), 1.0))
+    return float(min(max(share, gentle, params.min_speed_fraction), 1.0))
 
 
 def changed_speed(speed: float, wanted: float, duration: float, params: SeparationParams) -> float:

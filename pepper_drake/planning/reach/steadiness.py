@@ -85,7 +85,7 @@ class Steadiness:
             updated, cloud=_mean(self.cloud, min(jump, params.outlier * params.cloud), weight)
         )
 
-    def complaint(self, params: SteadinessParams) -> tuple[str, str] | None:
+    def unsteady_signal(self, params: SteadinessParams) -> tuple[str, str] | None:
         """Returns reason and sentence for a signal that is not steady; None if all are."""
         for name, jump, limit, words in (
             ("goal", self.goal, params.goal, "the goal object's estimated pose"),

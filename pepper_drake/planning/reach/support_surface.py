@@ -22,7 +22,7 @@ class SupportSurfaceParams:
     """Largest height difference of the surface's points to the goal object's bottom [m]."""
     stripe: float = 0.04
     """Width of the stripes in which the front edge is searched for [m]."""
-    least_stripes: int = 5
+    min_stripes: int = 5
     """Least number of stripes that define an edge."""
     aside: float = 0.5
     """Extent of the extrapolated surface to the sides [m]."""
@@ -56,7 +56,7 @@ def extrapolate_support_surface(
     x, y = _surface(cloud_W, p_WO, p_WB, params)
     ahead = p_WO[:2] - p_WB[:2]
     distance = np.linalg.norm(ahead)
-    if len(x) < params.least_stripes or distance < 1e-6:
+    if len(x) < params.min_stripes or distance < 1e-6:
         return np.zeros((0, 3))
     ahead = ahead / distance
     left = np.array([-ahead[1], ahead[0]])
@@ -66,7 +66,7 @@ def extrapolate_support_surface(
     front = np.full(stripes.max() - first + 1, np.inf)
     np.minimum.at(front, stripes - first, depth)
     seen = np.flatnonzero(np.isfinite(front))
-    if len(seen) < params.least_stripes:
+    if len(seen) < params.min_stripes:
         return np.zeros((0, 3))
     middles = (first + seen + 0.5) * params.stripe
     slope, offset = _front_line(middles, front[seen], params.ragged)

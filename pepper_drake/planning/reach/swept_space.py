@@ -16,7 +16,7 @@ from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import camera_pose
 from pepper_drake.perception.gaze.view_planning import widest_view, within_possible_view
 from pepper_drake.perception.mapping.seen_space import SeenSpace, describe_place
-from pepper_drake.perception.mapping.voxel_map import voxel_keys
+from pepper_drake.perception.mapping.voxel_map import one_per_voxel
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
 from pepper_drake.planning.collision.body_clearance import BodyClearance, at_base_poses, drive_poses
 
@@ -28,7 +28,7 @@ Mask = npt.NDArray[np.bool_]
 class UnseenSpaceParams:
     """Criteria by which swept space counts as unseen."""
 
-    oldest: float = 15.0
+    max_age: float = 15.0
     """Age up to which an observation of free space is valid [s]: the longest that a look around, a
     drive and its settling take."""
     recent: float = 0.8
@@ -43,9 +43,9 @@ class UnseenSpaceParams:
     thickness: float = 0.02
     """A place is unseen if points this far from it on five of six sides are, too [m]: along edges
     of objects the projector's shadow leaves unmeasured sheets of a pixel or two."""
-    least_cells: int = 8
+    min_cells: int = 8
     """Least number of cells of a region that could hold an obstacle: 216 cm³, a fist."""
-    least_drive_cells: int = 37
+    min_drive_cells: int = 37
     """The same for the volume that the whole robot sweeps on its drive: 1 litre, a bottle. A few
     cells always stay in the projector's shadow, behind the edges of the hands and the goal."""
     own_margin: float = 0.02
@@ -69,10 +69,10 @@ class UnseenSpaceParams:
     beside_movable: float = 0.3
     """Distance from an object that moves, or hangs in the air and so may move, within which space
     out of view does not count as free once the arm moves [m]: the object covers it in 1 s."""
-    drive: bool = True
+    check_drive: bool = True
     """True if the volume swept on a drive must be known to be free, too, and objects are assumed to
     extend down to the floor where their lower part is hidden."""
-    accept: bool = False
+    allow_motion: bool = False
     """True to move through unseen space anyway."""
 
 
@@ -123,7 +123,7 @@ def unseen_space(
         params: Criteria of unseen space.
         body: Centres (S, 3) in T and radii (S,) of spheres on the rest of the robot, which occludes
             space behind it [m].
-        stride: Time between the configurations, to demand `params.oldest` of each when the arm
+        stride: Time between the configurations, to demand `params.max_age` of each when the arm
             reaches it; 0 to demand it now [s].
         movable: (M, 3) points on things that may move, in W [m]; space out of view near them is not
             taken for free.
@@ -146,9 +146,9 @@ def unseen_space(
     spheres = (centers[0], np.broadcast_to(kinematics.spheres.radii, len(centers[0])))
     if body is not None:
         spheres = (np.concatenate((spheres[0], body[0])), np.concatenate((spheres[1], body[1])))
-    oldest = np.asarray(params.oldest - stride * index, dtype=float)
+    oldest = np.asarray(params.max_age - stride * index, dtype=float)
     return _unseen_places(
-        p_W, index, oldest, X_WT, spheres, space, time, params, params.least_cells, movable
+        p_W, index, oldest, X_WT, spheres, space, time, params, params.min_cells, movable
     )
 
 
@@ -187,16 +187,16 @@ def unseen_drive_space(
         leant = at_base_poses(body.solid_points(posture, params.cell), goal[None])[0]
         p_W = np.concatenate((p_W, leant))
         index = np.concatenate((index, np.full(len(leant), len(poses) - 1)))
-    taken = np.unique(voxel_keys(p_W, params.cell), return_index=True)[1]
+    taken = one_per_voxel(p_W, params.cell)
     taken = taken[p_W[taken, 2] > params.floor]
     p_W, index = p_W[taken], index[taken]
     own = cKDTree(at_base_poses(solid, base_pose[None])[0])
     reach = params.cell + params.own_margin
     away = ~np.isfinite(own.query(p_W, distance_upper_bound=reach)[0])
     p_W, index = p_W[away], index[away]
-    oldest = np.full(len(p_W), params.oldest)
+    oldest = np.full(len(p_W), params.max_age)
     return _unseen_places(
-        p_W, index, oldest, X_WT, spheres, space, time, params, params.least_drive_cells
+        p_W, index, oldest, X_WT, spheres, space, time, params, params.min_drive_cells
     )
 
 
@@ -209,12 +209,12 @@ def _unseen_places(
     space: SeenSpace,
     time: float,
     params: UnseenSpaceParams,
-    least_cells: int,
+    min_cells: int,
     movable: Vector | None = None,
 ) -> UnseenSpace:
     """Returns the regions of places (N, 3) that were not seen at most `oldest` (N,) [s] ago."""
     unseen = np.flatnonzero(space.unseen(p_W, time, oldest=oldest))
-    unseen = unseen[np.unique(voxel_keys(p_W[unseen], params.cell), return_index=True)[1]]
+    unseen = unseen[one_per_voxel(p_W[unseen], params.cell)]
     around = p_W[unseen, None] + params.thickness * np.concatenate((np.eye(3), -np.eye(3)))
     limits = np.repeat(oldest[unseen], 6)
     sides = space.unseen(around.reshape(-1, 3), time, oldest=limits).reshape(-1, 6)
@@ -235,7 +235,7 @@ def _unseen_places(
             visible |= np.isfinite(near[0])
         out_of_view = float(np.count_nonzero(~visible)) * params.cell**3
         unseen = unseen[visible]
-    regions = [unseen[cells] for cells in _large_regions(p_W[unseen], params.cell, least_cells)]
+    regions = [unseen[cells] for cells in _large_regions(p_W[unseen], params.cell, min_cells)]
     return UnseenSpace(
         tuple(p_W[cells] for cells in regions),
         tuple(int(index[cells].min()) for cells in regions),

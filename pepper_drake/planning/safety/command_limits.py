@@ -55,8 +55,8 @@ def limit_joint_command(
 def track_joint_command(
     position: Vector,
     velocity: Vector,
-    wish: Vector,
-    previous_wish: Vector,
+    desired_position: Vector,
+    previous_desired_position: Vector,
     *,
     limits: CommandLimits,
     time_step: float,
@@ -70,8 +70,8 @@ def track_joint_command(
     Args:
         position: Present command (n,) [rad].
         velocity: Present velocity of the command (n,) [rad/s].
-        wish: Next desired position (n,) [rad]; where it is not finite the joint brakes.
-        previous_wish: The desired position before it (n,) [rad].
+        desired_position: Next desired position (n,) [rad]; where it is not finite the joint brakes.
+        previous_desired_position: The desired position before it (n,) [rad].
         limits: Limits of the n joints.
         time_step: Time between commands [s].
 
@@ -80,8 +80,8 @@ def track_joint_command(
     """
     desired = tracking_velocities(
         np.array(position, float),
-        np.array(wish, float),
-        np.array(previous_wish, float),
+        np.array(desired_position, float),
+        np.array(previous_desired_position, float),
         limits.arrays,
         time_step,
     )

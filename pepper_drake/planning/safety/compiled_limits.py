@@ -44,15 +44,19 @@ def stoppable_velocity(distance: float, change: float, time_step: float) -> floa
 
 @compiled
 def tracking_velocities(
-    position: Vector, wish: Vector, previous_wish: Vector, limits: LimitArrays, time_step: float
+    position: Vector,
+    desired_position: Vector,
+    previous_desired_position: Vector,
+    limits: LimitArrays,
+    time_step: float,
 ) -> Vector:
     """Returns velocities (n,) with which commands follow, or catch up with, desired positions."""
     desired = np.empty(len(position))
     for k in range(len(position)):
-        reference = (wish[k] - previous_wish[k]) / time_step
+        reference = (desired_position[k] - previous_desired_position[k]) / time_step
         if not abs(reference) <= limits.velocity[k] + ROUNDING:
             reference = 0.0
-        error = wish[k] - position[k] - time_step * reference
+        error = desired_position[k] - position[k] - time_step * reference
         desired[k] = np.nan
         if math.isfinite(error):
             change = limits.acceleration[k] * time_step

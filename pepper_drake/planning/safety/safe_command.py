@@ -32,7 +32,7 @@ class SafeCommand:
     Attributes:
         position: The command (n,) [rad].
         velocity: Its velocity (n,) [rad/s].
-        wish: Last desired position (n,) [rad]; None before the first one.
+        desired: Last desired position (n,) [rad]; None before the first one.
         known: Whether the position was measured rather than assumed.
         reason: Reason of a stop; a stop is permanent.
         joint: Index of the joint that caused it, -1 for none.
@@ -45,7 +45,7 @@ class SafeCommand:
 
     position: Vector
     velocity: Vector
-    wish: Vector | None = None
+    desired: Vector | None = None
     known: bool = True
     reason: StopReason = StopReason.NONE
     joint: int = -1
@@ -71,24 +71,24 @@ class SafeCommand:
             return self
         return replace(self, reason=reason, joint=joint)
 
-    def advanced(self, wish: Vector, limits: CommandLimits, time_step: float) -> "SafeCommand":
+    def advanced(self, desired: Vector, limits: CommandLimits, time_step: float) -> "SafeCommand":
         """Returns the commands one control period later, inside every limit.
 
         Args:
-            wish: Desired positions (n,) [rad]; ignored after a stop.
+            desired: Desired positions (n,) [rad]; ignored after a stop.
             limits: Limits of the joints.
             time_step: The control period [s].
         """
         if self.reason == StopReason.NONE:
-            before = wish if self.wish is None else self.wish
+            before = desired if self.desired is None else self.desired
         else:
-            wish = before = np.full(len(wish), np.nan) if self.target is None else self.target
+            desired = before = np.full(len(desired), np.nan) if self.target is None else self.target
         position, velocity = track_joint_command(
-            self.position, self.velocity, wish, before, limits=limits, time_step=time_step
+            self.position, self.velocity, desired, before, limits=limits, time_step=time_step
         )
         if self.reason == StopReason.NONE:
-            position = np.where(np.abs(position - wish) < _SAME, wish, position)
-        return replace(self, position=position, velocity=velocity, wish=wish)
+            position = np.where(np.abs(position - desired) < _SAME, desired, position)
+        return replace(self, position=position, velocity=velocity, desired=desired)
 
     def compared(
         self, measured: Vector | None, params: ContactParams, time_step: float
@@ -153,14 +153,14 @@ class SafeCommandLayout:
             float(command.known),
             float(command.reason),
             float(command.joint),
-            float(command.wish is not None) + 2.0 * float(command.target is not None),
+            float(command.desired is not None) + 2.0 * float(command.target is not None),
             float(len(command.sent)),
             float(len(command.measured)),
         ]
         rows = [
             command.position,
             command.velocity,
-            unknown if command.wish is None else command.wish,
+            unknown if command.desired is None else command.desired,
             unknown if command.target is None else command.target,
             command.held if len(command.held) else np.zeros(self.joints),
             *command.sent,
@@ -174,12 +174,12 @@ class SafeCommandLayout:
         """Returns the command of a vector from `to_vector`."""
         known, reason, joint, given, sent, measured = map(int, vector[:6])
         rows = vector[6:].reshape(-1, self.joints).copy()
-        position, velocity, wish, target, held = rows[:5]
+        position, velocity, desired, target, held = rows[:5]
         first = 5 + self.sent
         return SafeCommand(
             position,
             velocity,
-            wish if given & 1 else None,
+            desired if given & 1 else None,
             bool(known),
             StopReason(reason),
             joint,

@@ -25,8 +25,11 @@ class AdaptationParams:
     search: PathSearchParams = field(default_factory=PathSearchParams)
     samples: int = 50
     """Number of samples of a path."""
-    starts: int = 150
+    ik_seeds: int = 150
     """Number of library postures at which the inverse kinematics of the goal starts."""
+    ik_candidates: int = 1000
+    """Number of library postures, those nearest to the goal, among which the ones with a well
+    turned hand are chosen first."""
     goals_kept: int = 3
     """Goal configurations per demonstration."""
     turn: float = 0.6
@@ -49,7 +52,7 @@ class AdaptationParams:
     """Least clearance slack of an accepted path [m]."""
     corner_slack: float = 0.001
     """Clearance by which a sampled path may be below that of its start and goal [m]."""
-    speed_share: float = 0.4
+    speed_fraction: float = 0.4
     """Fraction of the rated joint velocities that a path may use."""
-    acceleration_share: float = 0.8
+    acceleration_fraction: float = 0.8
     """Fraction of the joints' acceleration limits that a path may use."""

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.control_model import CommandLimits
-from pepper_drake.perception.mapping.dynamic_obstacles import thing_labels
+from pepper_drake.perception.mapping.dynamic_obstacles import cluster_labels
 from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
 
 Vector = npt.NDArray[np.float64]
@@ -26,20 +26,25 @@ class RetreatParams:
     """Time between the configurations of a retreat [s]."""
     durations: list[float] = field(default_factory=lambda: [0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0])
     """Candidate durations [s]: the first in which the joints keep their limits is used."""
-    braking_share: float = 0.75
+    braking_fraction: float = 0.75
     """Fraction of the acceleration limit for braking; the rest is for the retreat."""
     stride: int = 3
     """Stride of the samples of the travelled path whose clearance is computed."""
-    lost: float = 0.01
+    max_clearance_loss: float = 0.01
     """Clearance that the arm may lose during the retreat [m]."""
 
     def check(self) -> None:
         """Raises InputError for times or strides that are not positive, or no durations."""
         times = [self.sample_time, *self.durations]
-        if not self.durations or min(times) <= 0.0 or self.braking_share <= 0.0 or self.stride < 1:
+        if (
+            not self.durations
+            or min(times) <= 0.0
+            or self.braking_fraction <= 0.0
+            or self.stride < 1
+        ):
             raise InputError(
-                "planner.retreat: sample_time, braking_share, stride and all durations, of which "
-                "there must be one at least, must be positive"
+                "planner.retreat: sample_time, braking_fraction, stride and all durations, of "
+                "which there must be one at least, must be positive"
             )
         if 4.0 * self.sample_time > min(self.durations):
             raise InputError(
@@ -52,24 +57,26 @@ class RetreatParams:
 class NewObstacleParams:
     """Detection of obstacles that appeared after planning, and the extent of their unseen sides."""
 
-    near: float = 0.6
+    max_goal_distance: float = 0.6
     """Distance from the goal beyond which points are out of the arm's reach [m]."""
     distance: float = 0.03
     """Distance from all points seen at planning time beyond which a point is new [m]."""
-    fewest: int = 10
+    min_points: int = 10
     """Least number of new points; fewer are noise at the edges of known obstacles."""
+    spacing: float = 0.0125
+    """Spacing at which they are counted [m], however dense the cloud is."""
     depth: float = 0.10
     """Depth to which new points are extruded downwards [m]: a camera from above sees only the upper
     side of an object in the air, such as an arm."""
     depth_step: float = 0.02
     """Distance between the points of that extrusion [m]."""
-    side: float = 0.04
+    dilation: float = 0.04
     """Dilation of new points for planning around them [m]."""
-    stands_within: float = 0.08
+    stationary_tolerance: float = 0.08
     """Displacement of a predicted obstacle during a wait up to which it counts as stationary [m]:
     the accuracy of its position where it is too close to be measured."""
-    moving_side: float = 0.05
-    """`side` if an obstacle moves [m]: its part nearest to the camera is not measured."""
+    moving_dilation: float = 0.05
+    """`dilation` if an obstacle moves [m]: its part nearest to the camera is not measured."""
     hanging_above: float = 0.05
     """Height of free space below an object that hangs in the air, and so may move [m]."""
     hanging_gap: float = 0.03
@@ -79,7 +86,7 @@ class NewObstacleParams:
     carrier_depth: float = 0.06
     """Height below it down to which what is connected with them belongs to it, too [m]: the front
     of a table top, below which nothing may be. It stands all the same."""
-    left_within: float = 0.2
+    escape_time: float = 0.2
     """Time within which a retreat must gain distance from new points to keep its full speed [s]: an
     image's period."""
 
@@ -143,7 +150,7 @@ def dilate_new_points(
         (Q, 3), the cloud first.
     """
     new = new_points(cloud, known, around, params)
-    side = params.moving_side if moving else params.side
+    side = params.moving_dilation if moving else params.dilation
     steps = side * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
     return np.concatenate((cloud, (new + steps[:, None]).reshape(-1, 3)))
 
@@ -162,7 +169,7 @@ def new_points(
         around: (3,) only points near this can be new [m].
         params: Distances that make a point near and new.
     """
-    near = cloud[np.sum((cloud - around) ** 2, axis=1) < params.near**2]
+    near = cloud[np.sum((cloud - around) ** 2, axis=1) < params.max_goal_distance**2]
     if not len(near):
         return near
     far = known.query(near, distance_upper_bound=params.distance)[0]
@@ -184,7 +191,7 @@ def carries_object(
     band = np.flatnonzero((height > -params.carrier_depth) & (height < params.hanging_gap))
     carriers = np.zeros(len(cloud), dtype=bool)
     if len(band):
-        labels = thing_labels(cloud[band], params.hanging_gap)
+        labels = cluster_labels(cloud[band], params.hanging_gap)
         carries = np.abs(height[band]) < params.hanging_gap
         carries &= np.linalg.norm(above_foot[band, :2], axis=1) < params.carrier_near
         carriers[band] = np.isin(labels, labels[carries])
@@ -220,7 +227,7 @@ def retreat_trajectory(
     back = travelled[::-1]
     along = clearances(back[:: params.stride])
     # An arm that is near an obstacle moves away from it, but not through it.
-    nearer = np.minimum.accumulate(along) < min(along[0], room) - params.lost
+    nearer = np.minimum.accumulate(along) < min(along[0], room) - params.max_clearance_loss
     if nearer.any():
         along = along[: np.argmax(nearer)]
     enough = np.flatnonzero(along >= room)
@@ -228,7 +235,7 @@ def retreat_trajectory(
     nodes = np.arange(end + 1)
     strongest = limits.acceleration
     # Does not grow with the retreat's duration: slow braking would bring the arm closer.
-    braking = params.braking_share * strongest
+    braking = params.braking_fraction * strongest
     stopping = float(np.max(_STRONGEST_BRAKING * np.abs(velocity) / braking))
     for duration in params.durations:
         times = np.linspace(0.0, duration, round(duration / params.sample_time) + 1)

@@ -67,7 +67,7 @@ class TrajectoryAdapter:
         demonstrations: (D, N, 5) joints at even relative times [rad], the reference first.
         duration: Duration of the demonstrations [s].
         params: Parameters of the adaptation.
-        clearance: Clearances: `start` and `want` at the goal, `optimise` along the path, and
+        clearance: Clearances: `start` and `want` at the goal, `search_target` along the path, and
             `slow` for the fallback planner.
         axis: The axis of the hand whose direction matters.
     """
@@ -86,12 +86,12 @@ class TrajectoryAdapter:
         self._axis = axis
         self._demonstrations = resampled(demonstrations, params.samples)
         self._kinematics = arm_kinematics(model, arm)
-        limits = model.command_limits(arm_joints(arm), speed_fraction=params.speed_share)
+        limits = model.command_limits(arm_joints(arm), speed_fraction=params.speed_fraction)
         lower, upper = limits.position_lower.copy(), limits.position_upper.copy()
         for coupled in limits.coupled:
             lower[coupled.follower], upper[coupled.follower] = coupled.strictest
         self._lower, self._upper = lower + params.limit_margin, upper - params.limit_margin
-        self._limits = limits.velocity, params.acceleration_share * limits.acceleration
+        self._limits = limits.velocity, params.acceleration_fraction * limits.acceleration
         self._postures = GoalConfigurations(self._kinematics, self._lower, self._upper)
 
     def adapt(
@@ -179,7 +179,7 @@ class TrajectoryAdapter:
             itertools.chain(references, self._planned(start, goals, checker) if plan else ()),
             start=1,
         ):
-            if found.slack <= self.params.search.slack:
+            if found.slack <= self.params.search.min_slack:
                 found = optimize_trajectory(
                     found.path,
                     self._rate(found.path[None], checker, duration),
@@ -241,7 +241,7 @@ class TrajectoryAdapter:
             velocity=self._limits[0],
             acceleration=self._limits[1],
             params=self.params.cost,
-            clearance=self._clearance.optimise,
+            clearance=self._clearance.search_target,
         )
 
     def goal_postures(
@@ -264,12 +264,13 @@ class TrajectoryAdapter:
         """
         params = self.params
         ends = self._demonstrations[:, -1] if ends is None else ends
-        p_TG = X_TG.translation()
-        starts = np.concatenate((ends, self._postures.near(p_TG, params.starts)))
-        R_TG = X_TG.rotation().matrix()
-        q, there = self._postures.solve(p_TG, starts)
-        q = q[there]
+        p_TG, R_TG = X_TG.translation(), X_TG.rotation().matrix()
         axis, tolerance = self._axis
+        near = self._postures.near(
+            p_TG, params.ik_seeds, R_TG, axis, tolerance, params.ik_candidates
+        )
+        q, there = self._postures.solve(p_TG, np.concatenate((ends, near)))
+        q = q[there]
         q = self._postures.well_turned(q, R_TG, axis, tolerance - params.turn_margin)
         turn = orientation_error(self._kinematics.poses(q).hand_rotation, R_TG)
         room = np.minimum(q - self._lower, self._upper - q).min(axis=1, initial=np.inf)

@@ -19,13 +19,13 @@ class PathCostParams:
 
     end_allowance: float = 0.001
     """Clearance by which a path near its start and goal may be below that at the ends [m]."""
-    leaving: float = 0.2
+    departure_fraction: float = 0.2
     """Fraction of the time in which the desired clearance rises from that of the start."""
-    arriving: float = 0.3
+    arrival_fraction: float = 0.3
     """Fraction of the time in which it falls to that of the goal."""
     proximity_weight: float = 20.0
     """Weight of the sum over spheres of the squared missing clearance, relative to `clearance`."""
-    slack: float = 300.0
+    slack_weight: float = 300.0
     """Weight of the largest missing clearance [1/m]."""
     deviation: float = 0.1
     """Root mean square deviation of the hand from the reference that costs 1 [m]."""
@@ -54,7 +54,7 @@ class TrajectoryCost:
     deviation from the reference and T' the duration that the joints' limits ask for,
 
         J = proximity_weight mean_t sum_i [max(0, c_i - d_i) / clearance]²
-            + slack max(0, -min(d_i - c_i)) + (rms e / deviation)² + effort mean |q''|²
+            + slack_weight max(0, -min(d_i - c_i)) + (rms e / deviation)² + effort mean |q''|²
             + duration_weight max(0, T' / T - 1).
 
     Args:
@@ -87,7 +87,7 @@ class TrajectoryCost:
         wanted = wanted_clearance(ends, samples, params, clearance)  # (R, S, samples)
         weights = [
             params.proximity_weight,
-            params.slack,
+            params.slack_weight,
             1.0 / params.deviation**2,
             params.effort,
             params.duration_weight,
@@ -136,7 +136,7 @@ def wanted_clearance(
         clearance: Wanted between both [m].
     """
     s = np.linspace(0.0, 1.0, samples)
-    away = 1.0 - minimum_jerk(s / params.leaving)
-    close = minimum_jerk((s - 1.0 + params.arriving) / params.arriving)
+    away = 1.0 - minimum_jerk(s / params.departure_fraction)
+    close = minimum_jerk((s - 1.0 + params.arrival_fraction) / params.arrival_fraction)
     lack = np.maximum(clearance - (end_gaps - params.end_allowance), 0.0)
     return (clearance - lack[..., :1] * away - lack[..., 1:] * close).astype(np.float32)

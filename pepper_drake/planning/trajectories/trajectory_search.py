@@ -27,7 +27,7 @@ class PathSearchParams:
     """Initial standard deviation, in units of `height`."""
     height: float = 0.4
     """Height of a perturbation of weight 1 [rad]."""
-    slack: float = -0.003
+    min_slack: float = -0.003
     """Clearance slack above which a path counts as clear [m]."""
 
 
@@ -109,7 +109,7 @@ def optimize_trajectory(
                 float(rating.slack[first]),
                 generation,
             )
-        if best.slack > params.slack:
+        if best.slack > params.min_slack:
             if best.generations == 0:
                 break
             clear_for += 1

@@ -186,16 +186,16 @@ class SafetyMonitor(LeafSystem):
             return StopReason.BASE_HELD
         if self._scalar(context, self.limp_input, 0.0) > 0.5:
             return StopReason.NONE
-        wish = self.command_input.Eval(context)
-        previous = wish if command.wish is None else command.wish
-        return check_command(wish, previous, self._limits, time_step=self._time_step)
+        desired = self.command_input.Eval(context)
+        previous = desired if command.desired is None else command.desired
+        return check_command(desired, previous, self._limits, time_step=self._time_step)
 
     def _calc_next(self, context: Context, following: Value) -> None:
-        command, wish = self._command(context), self.command_input.Eval(context)
+        command, desired = self._command(context), self.command_input.Eval(context)
         if not command.known:
-            first = check_command(wish, wish, self._limits, time_step=self._time_step)
+            first = check_command(desired, desired, self._limits, time_step=self._time_step)
             command = SafeCommand.at_rest(
-                command.position if first != StopReason.NONE else wish.copy()
+                command.position if first != StopReason.NONE else desired.copy()
             )
         if command.reason == StopReason.NONE:
             reason = self._find_stop_reason(context, command)
@@ -205,7 +205,7 @@ class SafetyMonitor(LeafSystem):
             if reason != StopReason.NONE:
                 command = command.stopped(reason, int(joint))
         limits = self._limits_back if command.reason == StopReason.JOINT_HELD else self._limits
-        following.set_value(command.advanced(wish.copy(), limits, self._time_step))
+        following.set_value(command.advanced(desired.copy(), limits, self._time_step))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         command, measured = self._next.Eval(context), self.measured_input.Eval(context).copy()

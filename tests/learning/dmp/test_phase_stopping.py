@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
 
-LAW = PhaseStopping(rate=5.0, stopping=1000.0, pull=200.0, ignored=0.01)
+LAW = PhaseStopping(rate=5.0, slowdown_gain=1000.0, coupling_gain=200.0, dead_zone=0.01)
 
 
 def test_the_filter_is_the_exact_solution_of_its_equation():

@@ -6,14 +6,14 @@ from hypothesis import strategies as st
 from pepper_drake.learning.dmp.point_cells import (
     PointCells,
     blended_directions,
-    least_gaps,
+    minimum_gaps,
     nearest_distances,
 )
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 300), st.floats(-3, 1), st.booleans())
 @settings(max_examples=60, deadline=None)
-def test_least_gaps_are_those_of_all_pairs(seed, count, exponent, jump):
+def test_minimum_gaps_are_those_of_all_pairs(seed, count, exponent, jump):
     rng = np.random.default_rng(seed)
     points = rng.normal(scale=10.0**exponent, size=(count, 3))
     radii = rng.uniform(0.0, 0.1, 7)
@@ -22,9 +22,9 @@ def test_least_gaps_are_those_of_all_pairs(seed, count, exponent, jump):
     true = np.linalg.norm(centers[:, :, None] - points, axis=3).min(axis=2) - radii
     true = true.min(axis=1)
     cells = PointCells.of(points)
-    np.testing.assert_allclose(least_gaps(centers, radii, cells, np.inf), true, atol=1e-12)
+    np.testing.assert_allclose(minimum_gaps(centers, radii, cells, np.inf), true, atol=1e-12)
     near = np.where(true < 0.15, true, np.inf)
-    np.testing.assert_allclose(least_gaps(centers, radii, cells, 0.15), near, atol=1e-12)
+    np.testing.assert_allclose(minimum_gaps(centers, radii, cells, 0.15), near, atol=1e-12)
 
 
 @pytest.mark.parametrize("points", [np.zeros((1, 3)), np.zeros((5, 3)), [[0, 0, 0], [9, 9, 9]]])
@@ -33,7 +33,7 @@ def test_points_in_one_place_and_far_apart_are_kept(points):
     cells = PointCells.of(points)
     assert sorted(map(tuple, cells.points)) == sorted(map(tuple, points))
     assert cells.first[-1] == len(points)
-    assert least_gaps(points[-1:][None] + 0.3, np.zeros(1), cells, 1.0)[0] == pytest.approx(
+    assert minimum_gaps(points[-1:][None] + 0.3, np.zeros(1), cells, 1.0)[0] == pytest.approx(
         0.3 * np.sqrt(3.0)
     )
 

@@ -89,7 +89,7 @@ def test_finer_images_are_averaged():
 def test_the_projector_lights_nothing_in_the_shadow_of_nearer_things():
     depth = flat(2.0)
     depth[:, 160:200] = 1.0
-    noise = DepthNoise(edge_loss=0, edge_mix=0, loss=0, border=0, dark_share=0)
+    noise = DepthNoise(edge_loss=0, edge_mix=0, loss=0, border=0, dark_fraction=0)
     blank = apply_depth_noise(depth, DEPTH, noise, seed=1, frame=0) == 0
     # f b (1/1 - 1/2) pixels beside the thing, on the side away from the projector.
     width = DEPTH.focal_x * 0.075 * 0.5
@@ -104,7 +104,7 @@ def test_the_projector_lights_nothing_in_the_shadow_of_nearer_things():
 def test_the_shadow_of_a_thin_thing_lies_beside_it():
     depth = flat(1.2)
     depth[:, 200:205] = 0.5
-    noise = DepthNoise(edge_loss=0, edge_mix=0, loss=0, border=0, dark_share=0)
+    noise = DepthNoise(edge_loss=0, edge_mix=0, loss=0, border=0, dark_fraction=0)
     blank = apply_depth_noise(depth, DEPTH, noise, seed=1, frame=0) == 0
     shift = DEPTH.focal_x * 0.075 * (1 / 0.5 - 1 / 1.2)
     columns = np.flatnonzero(blank[100])
@@ -142,7 +142,7 @@ def test_depths_are_whole_steps_of_the_disparity():
 
 
 def test_dark_patches_stay_where_they_are_when_the_camera_moves():
-    noise = DepthNoise(dark_share=0.05)
+    noise = DepthNoise(dark_fraction=0.05)
 
     def dark(p_WC):
         X_WC = RigidTransform(np.array(p_WC))

@@ -142,7 +142,11 @@ def test_what_was_lost_long_ago_did_not_go_on_for_ever():
 
 @pytest.mark.parametrize(
     ("speed", "expected"),
-    [(0.0, 0.0), (PARAMETERS.slowest / 2, PARAMETERS.slowest / 2), (0.1, PARAMETERS.usual_speed)],
+    [
+        (0.0, 0.0),
+        (PARAMETERS.rest_speed / 2, PARAMETERS.rest_speed / 2),
+        (0.1, PARAMETERS.usual_speed),
+    ],
 )
 def test_what_has_begun_to_move_may_go_on_faster_but_not_what_stands(speed, expected):
     thing = TrackedObstacle(plate(0.0)[0], np.array([speed, 0.0, 0.0]), 0.0)

@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
-from pepper_drake.perception.mapping.cloud import SurfacePoints
+from pepper_drake.perception.mapping.cloud import CloudParameters, SurfacePoints, observe_surfaces
 from pepper_drake.perception.mapping.voxel_map import (
     VoxelMap,
     VoxelMapParameters,
@@ -56,6 +56,39 @@ def test_voxels_hold_means_of_all_their_points():
     assert voxels.weights[place] == 3
     assert voxels.scores[place] == 2
     assert voxels.hit_times[place] == 0.2
+
+
+def test_near_the_goal_object_an_edge_is_measured_twice_as_closely():
+    # A plate 0.222 m wide, densely measured: no voxel of either size ends where it does.
+    x, y = np.mgrid[0.0:1.0:0.002, -0.111:0.1111:0.001].reshape(2, -1)
+    plate = surface(np.column_stack((x, y, np.ones_like(x))))
+    voxels = add_points(VoxelMap.empty(), plate, 0.0, VoxelMapParameters(), np.array([0, 0, 1.0]))
+    beyond = np.linalg.norm(voxels.positions - [0, 0, 1.0], axis=1) > 0.26
+    near_edge, far_edge = (voxels.positions[part, 1].max() for part in (~beyond, beyond))
+    np.testing.assert_allclose([near_edge, far_edge], [0.109, 0.1055], atol=3e-4)
+    assert np.all(np.diff(voxels.keys) > 0)
+
+
+def test_small_and_large_voxels_are_told_apart():
+    # The 32nd small voxel and the 32nd large one.
+    points = surface([[0.201, 0.001, 0.001], [0.401, 0.001, 0.001]])
+    assert len(add_points(VoxelMap.empty(), points, 0.0, VoxelMapParameters(), np.zeros(3))) == 2
+
+
+def test_voxels_of_the_other_size_disappear_once_the_goal_object_has_moved():
+    here, there = np.array([0.0, 0.0, 0.8]), np.array([0.0, 0.3, 0.8])
+    seen = observe_surfaces(wall(0.8), CAMERA, X_WC, CloudParameters(floor_height=-1.0))
+
+    def look(voxels, p_WO, frames):
+        for time in frames:
+            voxels = add_points(voxels, seen, time, VoxelMapParameters(), p_WO)
+            voxels = carve_free_space(voxels, wall(0.8), CAMERA, X_WC, time, VoxelMapParameters())
+        return voxels
+
+    before = look(VoxelMap.empty(), here, range(3))
+    after = look(before, there, range(3, 9))
+    np.testing.assert_array_equal(after.keys, look(VoxelMap.empty(), there, range(1)).keys)
+    assert not np.isin(before.keys, after.keys).all()
 
 
 def test_normals_are_means_of_those_that_are_known():

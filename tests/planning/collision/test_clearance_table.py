@@ -21,7 +21,7 @@ NAMES = [field.name for field in fields(ClearanceTable)]
 def test_only_clearances_that_rise_are_accepted(values):
     table = dict(zip(NAMES, values, strict=True))
     if values == sorted(values):
-        assert ClearanceTable(**table).retreat == 0.060
+        assert ClearanceTable(**table).retreat_end == 0.060
     else:
         with pytest.raises(InputError, match="must be greater than"):
             ClearanceTable(**table)

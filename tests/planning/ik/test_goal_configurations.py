@@ -15,6 +15,7 @@ MODEL = shared_control_model()
 LIMITS = MODEL.command_limits(arm_joints("right"))
 LOWER, UPPER = LIMITS.position_lower, LIMITS.position_upper
 GOAL = np.array([0.25, -0.22, 0.0])
+EYE, AXIS = np.eye(3), (0, 0, -1)
 
 
 @pytest.fixture(scope="module")
@@ -22,8 +23,29 @@ def postures():
     return GoalConfigurations(ArmKinematics(MODEL, "right"), LOWER, UPPER)
 
 
+def near(postures, count, point=GOAL, R_TG=EYE, tolerance=np.pi):
+    """The nearest postures, however they are turned unless a tolerance is given."""
+    return postures.near(point, count, R_TG, AXIS, tolerance, among=1000)
+
+
+def test_postures_turned_well_are_found_where_few_are(postures):
+    # Where an arm once waited in vain: all of its detours ended with the hand turned away.
+    goal = np.array([0.232, -0.238, 0.076])
+    R_TG = Rotation.from_euler("xyz", (1.5877, -0.2832, -0.533)).as_matrix()
+    kinematics, tolerance = arm_kinematics(MODEL, "right"), 0.45
+
+    def turned(starts):
+        q, there = postures.solve(goal, starts)
+        R_TH = kinematics.poses(q[there]).hand_rotation
+        return axis_error(R_TH, R_TG, AXIS) <= tolerance
+
+    starts = near(postures, 150, goal, R_TG, tolerance)
+    assert len(starts) == 150
+    assert turned(starts).sum() > 5 * turned(near(postures, 150, goal)).sum()
+
+
 def test_most_postures_nearby_are_brought_to_the_goal(postures):
-    q, there = postures.solve(GOAL, postures.near(GOAL, 200))
+    q, there = postures.solve(GOAL, near(postures, 200))
     assert there.mean() > 0.7
     kinematics = arm_kinematics(MODEL, "right")
     for joints in q[there]:
@@ -33,7 +55,7 @@ def test_most_postures_nearby_are_brought_to_the_goal(postures):
 
 def test_compiled_steps_are_those_of_damped_least_squares(postures):
     kinematics = arm_kinematics(MODEL, "right")
-    starts = postures.near(GOAL, 40)
+    starts = near(postures, 40)
     q = np.clip(starts, LOWER, UPPER)
     for _ in range(8):
         poses = kinematics.poses(q)
@@ -45,7 +67,7 @@ def test_compiled_steps_are_those_of_damped_least_squares(postures):
 
 
 def test_they_spread_over_the_two_spare_degrees_of_freedom(postures):
-    q, there = postures.solve(GOAL, postures.near(GOAL, 200))
+    q, there = postures.solve(GOAL, near(postures, 200))
     sizes = np.linalg.svd(q[there] - q[there].mean(axis=0), compute_uv=False)
     assert sizes[1] > 0.3 * sizes[0], "they lie on a surface, not on a line"
     assert np.ptp(q[there], axis=0).max() > 1.0
@@ -61,12 +83,12 @@ def test_what_is_there_already_stays(postures):
 
 def test_out_of_reach_no_posture_is_there(postures):
     far = np.array([0.9, -0.2, 0.0])
-    assert not postures.solve(far, postures.near(far, 50))[1].any()
+    assert not postures.solve(far, near(postures, 50, far))[1].any()
 
 
 def test_the_library_is_the_same_each_time(postures):
     again = GoalConfigurations(ArmKinematics(MODEL, "right"), LOWER, UPPER)
-    np.testing.assert_array_equal(postures.near(GOAL, 5), again.near(GOAL, 5))
+    np.testing.assert_array_equal(near(postures, 5), near(again, 5))
 
 
 def test_angles_of_an_axis_are_those_between_the_turned_axes():
@@ -80,7 +102,7 @@ def test_angles_of_an_axis_are_those_between_the_turned_axes():
 
 
 def test_postures_turned_well_are_kept_and_all_if_there_are_none(postures):
-    q = postures.near(GOAL, 50)
+    q = near(postures, 50)
     R_TG = arm_kinematics(MODEL, "right").poses(q[:1]).hand_rotation[0]
     kept = postures.well_turned(q, R_TG, (0, 0, -1), 0.3)
     assert 1 <= len(kept) < len(q)

@@ -38,6 +38,8 @@ P_TG = np.array([0.26, -0.2, 0.05])
 CLOUD = np.array([[0.9, 0.0, 0.7], [1.0, 0.1, 0.7]])
 BESIDE = X_WO.translation() + [0.1, 0.2, 0.1]
 """A place near the goal at which nothing was when the reach was planned."""
+THING = BESIDE + 0.02 * (np.argwhere(np.ones((3, 2, 2))) - [1.0, 0.5, 0.5])
+"""Points of a thing there, as far apart as those of a cloud."""
 
 TIMING = ReachTiming(
     latency=PlanningLatency(base_placement=0.4, plan=0.2, check=0.05),
@@ -47,7 +49,7 @@ TIMING = ReachTiming(
     settling=0.4,
     goal_lost=3.0,
     holding=0.5,
-    reaching_timeout=2.0,
+    movement_timeout_ratio=2.0,
 )
 
 DEMONSTRATED = Movement(make_primitive(None, "right"), BarrierCoupling(), RigidTransform())

@@ -45,7 +45,9 @@ class Evaluator:
         return plan.status == PlanStatus.CLEAR
 
 
-@pytest.mark.parametrize(("solved", "asked"), [(7, 8), (None, ReachPlannerParams().places_planned)])
+@pytest.mark.parametrize(
+    ("solved", "asked"), [(7, 8), (None, ReachPlannerParams().max_path_planner_placements)]
+)
 def test_the_path_planner_is_asked_at_one_placement_after_the_other(solved, asked):
     evaluator = Evaluator(solved)
     planner = BasePlacementPlanner(evaluator, None)

@@ -69,7 +69,7 @@ def test_the_drive_to_a_place_is_clear_where_it_was_seen_to_be_free(watchful, ro
 
 
 def test_a_drive_through_unseen_space_may_be_accepted(right_primitive):
-    params = UnseenSpaceParams(accept=True)
+    params = UnseenSpaceParams(allow_motion=True)
     planner = make_planner(right_primitive, make_coupling("barrier"), unseen=params)
     unseen = replace(observed(ORIGIN, object_at()), space=SeenSpace(VoxelMap.empty()))
     plan = planner.plan_base_placement(unseen)

@@ -30,7 +30,7 @@ def test_what_the_robot_would_pass_on_its_drive_is_looked_at_first():
 @pytest.mark.parametrize("drive", [True, False])
 def test_while_it_plans_where_to_stand_it_looks_along_the_likely_drive(drive):
     way = np.array([0.5, 0.1, 0.4])
-    params = ReachPlannerParams(unseen=UnseenSpaceParams(drive=drive))
+    params = ReachPlannerParams(unseen=UnseenSpaceParams(check_drive=drive))
     one = Supervised(ScriptedPlanner(params=params, way=way)).advance(TIMING.looking + 0.05)
     assert one.state.is_planning
     assert np.isnan(one.state.look_at).all()  # Where to look takes time to find, too.
@@ -81,7 +81,7 @@ def test_what_is_seen_where_it_was_going_to_drive_leads_to_another_place():
     # Without end it does not go on like this.
     planner = ScriptedPlanner(placement=unseen_plan(), drive=blocked)
     Supervised(planner).failed("no_standing_room", limit=30.0)
-    assert planner.questions().count("plan_base_placement") == TIMING.places + 1
+    assert planner.questions().count("plan_base_placement") == TIMING.max_base_placements + 1
 
 
 @pytest.mark.parametrize("lasts", [0.8, 5.0])

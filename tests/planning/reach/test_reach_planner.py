@@ -145,7 +145,7 @@ def test_the_hand_passes_around_what_an_unseen_goal_object_must_stand_on(true_cl
     plan = make_planner(
         MovementPrimitive.fit(shown, check=False),
         make_coupling("barrier"),
-        unseen=UnseenSpaceParams(accept=True),
+        unseen=UnseenSpaceParams(allow_motion=True),
     ).check_reach(nothing_seen)
     assert plan.status == PlanStatus.CLEAR
     x, y = np.meshgrid(np.linspace(-0.055, 0.055, 17), np.linspace(-0.055, 0.055, 17))
@@ -348,7 +348,7 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(tolerant, at_the_table, tr
         arm=ArmState(path[now], velocity),
         cloud=np.concatenate((TABLE, ball)),
     )
-    assert tolerant.remaining_clearance(plan, seen).least < 0.0
+    assert tolerant.remaining_clearance(plan, seen).minimum < 0.0
 
     again = tolerant.replan(plan, seen)
     assert again.status == PlanStatus.CLEAR
@@ -360,7 +360,7 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(tolerant, at_the_table, tr
     points = in_torso(seen.cloud, at_the_table.base_pose)
     truth = min(true_clearance("right", q, points) for q in again.joint_path[::6])
     assert truth >= tolerant.params.clearance.start - 1e-9
-    assert tolerant.remaining_clearance(again, seen).least >= tolerant.params.clearance.start
+    assert tolerant.remaining_clearance(again, seen).minimum >= tolerant.params.clearance.start
 
 
 NOBODY = np.zeros((0, 3))

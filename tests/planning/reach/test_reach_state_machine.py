@@ -124,7 +124,7 @@ def test_a_reach_that_the_planner_refuses_never_starts(status, when):
     assert not one.was_active
     assert (ReachMode.DRIVING in one.modes) == (when == "reach")
     if when == "reach":
-        assert one.state.places == TIMING.places
+        assert one.state.places == TIMING.max_base_placements
 
 
 def test_what_was_not_seen_is_looked_at_before_the_arm_starts():
@@ -141,8 +141,8 @@ def test_what_stays_unseen_is_not_passed():
     one = Supervised(ScriptedPlanner(reach=unseen_plan())).until(ReachMode.SETTLING)
     settling = one.state.since
     one.failed("not_seen", limit=30.0)
-    assert one.state.places == TIMING.places  # From elsewhere it might be seen.
-    assert one.state.since - settling > TIMING.places * TIMING.unseen_timeout
+    assert one.state.places == TIMING.max_base_placements  # From elsewhere it might be seen.
+    assert one.state.since - settling > TIMING.max_base_placements * TIMING.unseen_timeout
     assert not one.was_active
 
 
@@ -251,7 +251,7 @@ def test_a_hand_just_outside_the_tolerance_is_accepted_when_the_time_is_over():
     one = Supervised().until(ReachMode.REACHING)
     tolerance = one.planner.params.tolerance
     between = (tolerance.arrive + tolerance.accept) / 2
-    one.set(hand_position=P_TG + [between, 0, 0]).advance(TIMING.reaching_timeout - 0.1)
+    one.set(hand_position=P_TG + [between, 0, 0]).advance(TIMING.movement_timeout_ratio - 0.1)
     assert one.state.mode == ReachMode.REACHING
     one.until(ReachMode.DONE)
 
@@ -400,8 +400,8 @@ def test_an_arm_that_has_to_go_slowly_gets_more_time_but_not_for_ever():
     one = on_its_way(stale=StaleSpace(X_WO.translation(), 0.0, 0.5)).set(tau=5.0)
     one.image_time = None
     one.failed("timeout", limit=100.0)
-    longest = TIMING.reach_timeout + TIMING.slow_reach
-    assert one.state.slowed > TIMING.slow_reach
+    longest = TIMING.reach_timeout + TIMING.max_slowdown_extension
+    assert one.state.slowed > TIMING.max_slowdown_extension
     assert one.state.since - one.state.started == pytest.approx(longest, abs=2 * STEP)
 
 

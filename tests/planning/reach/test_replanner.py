@@ -16,6 +16,7 @@ from tests.planning.reach.scripted_planner import (
     NO_DETOUR,
     P_TG,
     STALE,
+    THING,
     TIMING,
     X_WO,
     Supervised,
@@ -213,7 +214,7 @@ def test_an_arm_that_retreats_does_not_brake_for_what_it_flees_from():
 
 def test_a_detour_keeps_more_distance_from_new_obstacles_than_the_check():
     one = on_its_way(ahead=0.004).set(cloud=BESIDE[None]).look()
-    for name, reach in (("remaining_clearance", 0.0), ("replan", NewObstacleParams().side)):
+    for name, reach in (("remaining_clearance", 0.0), ("replan", NewObstacleParams().dilation)):
         aside = np.linalg.norm((one.planner.last(name).cloud - BESIDE)[:, :2], axis=1).max()
         assert aside == pytest.approx(reach, abs=1e-9)
 
@@ -261,6 +262,28 @@ def test_an_arm_that_waited_goes_on_waiting_rather_than_by_a_very_narrow_path():
     one.planner.reach = one.planner.detour = path_plan(clearance=0.007)
     one.look().advance(0.3).look().advance(0.3)
     assert one.state.suspended_plan is reach
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_narrow_path_past_what_stood_for_the_whole_wait_is_taken(stands):
+    one = waiting()
+    reach = one.state.suspended_plan
+    one.planner.reach = one.planner.detour = path_plan(clearance=0.007)
+    for step in range(round((TIMING.detour_delay + LATENCY.plan) / STEP) + 2):
+        if not stands:
+            one.set(predicted_cloud=BESIDE[None] + [0.0, 0.03 * step, 0.0])
+        one.look()
+    taken = (one.planner.detour, None) if stands else (one.state.plan, reach)
+    assert (one.state.plan, one.state.suspended_plan) == taken
+
+
+def test_an_arm_that_waited_looks_for_another_path_than_one_that_is_not_clear():
+    one = waiting()
+    one.planner.ahead, one.planner.reach = 0.02, path_plan(clearance=0.015)
+    one.planner.detour = replace(path_plan(clearance=0.03), status=PlanStatus.TURNED_AWAY)
+    one.look().advance(LATENCY.plan)
+    assert one.state.plan is one.planner.reach
+    assert one.state.suspended_plan is None
 
 
 def test_what_moves_is_waited_for_and_only_then_passed():
@@ -364,7 +387,7 @@ def test_an_arm_that_withdraws_to_where_something_is_predicted_seeks_another_pla
 def test_the_head_looks_at_what_the_arm_waits_for():
     one = on_its_way(ahead=0.0, detour=NO_DETOUR)
     one.planner.stale = STALE
-    one.set(cloud=np.concatenate((CLOUD, BESIDE + 0.005 * np.eye(3).repeat(4, axis=0))))
+    one.set(cloud=np.concatenate((CLOUD, THING)))
     one.image_time = None
     one.advance(1.0)
     assert one.state.suspended_plan is not None

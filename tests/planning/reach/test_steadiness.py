@@ -53,9 +53,9 @@ def test_noise_on_a_signal_is_named_within_two_seconds(signal, size, reason):
         "cloud": rng.normal(0.0, size, (100, 216, 3)),
     }
     steadiness = observed(2.0, **{signal: lambda k: noise[signal][k]})
-    complaint = steadiness.complaint(PARAMS)
-    assert complaint is not None
-    assert complaint[0] == f"{reason}_unsteady"
+    unsteady = steadiness.unsteady_signal(PARAMS)
+    assert unsteady is not None
+    assert unsteady[0] == f"{reason}_unsteady"
 
 
 def test_mean_jump_is_the_one_that_was_made():
@@ -64,18 +64,18 @@ def test_mean_jump_is_the_one_that_was_made():
 
 
 def test_a_goal_that_is_moved_once_is_steady():
-    assert observed(2.0, goal=lambda k: 0.5 * (k > 20)).complaint(PARAMS) is None
+    assert observed(2.0, goal=lambda k: 0.5 * (k > 20)).unsteady_signal(PARAMS) is None
 
 
 def test_a_goal_that_is_carried_is_steady():
-    assert observed(4.0, goal=lambda k: 0.3 * PERIOD * k).complaint(PARAMS) is None
+    assert observed(4.0, goal=lambda k: 0.3 * PERIOD * k).unsteady_signal(PARAMS) is None
 
 
 def test_an_obstacle_that_moves_may_be_most_of_the_cloud_but_not_all():
     carried = {"cloud": lambda k: 0.05 * (k // 4)}
-    assert observed(4.0, **carried).complaint(PARAMS)[0] == "cloud_unsteady"
+    assert observed(4.0, **carried).unsteady_signal(PARAMS)[0] == "cloud_unsteady"
     third = GRID[: len(GRID) // 2] - [0.5, 0.0, 0.0]
-    assert observed(4.0, **carried, still=third).complaint(PARAMS) is None
+    assert observed(4.0, **carried, still=third).unsteady_signal(PARAMS) is None
 
 
 def test_a_reach_ends_when_the_goal_jumps_about():
@@ -127,14 +127,14 @@ def mapped(count, stuck_from=None, shift=0.0):
 
 
 def test_a_cloud_that_is_stuck_on_a_still_scene_is_told_by_the_map():
-    assert mapped(20).complaint(PARAMS) is None
-    assert mapped(4 + PARAMS.other_clouds - 1, stuck_from=4).complaint(PARAMS) is None
-    complaint = mapped(4 + PARAMS.other_clouds, stuck_from=4).complaint(PARAMS)
-    assert complaint is not None
-    assert complaint[0] == "cloud_wrong"
+    assert mapped(20).unsteady_signal(PARAMS) is None
+    assert mapped(4 + PARAMS.other_clouds - 1, stuck_from=4).unsteady_signal(PARAMS) is None
+    unsteady = mapped(4 + PARAMS.other_clouds, stuck_from=4).unsteady_signal(PARAMS)
+    assert unsteady is not None
+    assert unsteady[0] == "cloud_wrong"
 
 
 def test_a_cloud_that_comes_shifted_is_told_by_the_map():
-    complaint = mapped(10, shift=0.05).complaint(PARAMS)
-    assert complaint is not None
-    assert complaint[0] == "cloud_wrong"
+    unsteady = mapped(10, shift=0.05).unsteady_signal(PARAMS)
+    assert unsteady is not None
+    assert unsteady[0] == "cloud_wrong"

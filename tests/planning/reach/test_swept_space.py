@@ -12,7 +12,7 @@ from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.collision.body_clearance import BodyClearance, body_links
-from pepper_drake.planning.reach.separation import SeparationParams, StaleSpace, speed_share
+from pepper_drake.planning.reach.separation import SeparationParams, StaleSpace, speed_fraction
 from pepper_drake.planning.reach.swept_space import (
     UnseenSpaceParams,
     unseen_drive_space,
@@ -83,10 +83,10 @@ def test_beside_what_may_move_space_out_of_view_is_not_clear_and_limits_the_pace
     hand = KINEMATICS.sphere_centers_at(PATH[len(PATH) // 2 :])[0, -1]
     thing = (X_WT @ (hand + [0.1, -0.1, 0.0]))[None]
     found = find(space, params, movable=thing)
-    assert len(found.region) >= params.least_cells
+    assert len(found.region) >= params.min_cells
     assert np.linalg.norm(found.region - thing, axis=1).max() < params.beside_movable
     soon = StaleSpace(time=params.stride * min(found.first), fastest=0.5)
-    assert speed_share(soon, SeparationParams()) < 1.0
+    assert speed_fraction(soon, SeparationParams()) < 1.0
     far = thing + [0.0, 0.0, 2.0 * params.beside_movable]
     assert find(space, params, movable=far).regions == ()
 
@@ -94,16 +94,16 @@ def test_beside_what_may_move_space_out_of_view_is_not_clear_and_limits_the_pace
 def test_what_was_seen_too_long_ago_is_not_known():
     space = looked_through([(-0.3, 0.4), (-0.9, 0.4), (-0.6, 0.1)])
     params = UnseenSpaceParams()
-    assert len(find(space, params, time=1.0 + 0.9 * params.oldest).region) == 0
-    assert len(find(space, params, time=1.0 + 1.1 * params.oldest).region) > 0
+    assert len(find(space, params, time=1.0 + 0.9 * params.max_age).region) == 0
+    assert len(find(space, params, time=1.0 + 1.1 * params.max_age).region) > 0
 
 
 def test_a_region_that_is_too_small_to_hold_anything_does_not_matter():
     box = Seen([0.1, -0.5, -0.2], [0.3, 0.0, 0.3])
     region = find(box).region
-    assert len(region) >= STRICT.least_cells
-    assert len(find(box, replace(STRICT, least_cells=len(region))).region) == len(region)
-    assert len(find(box, replace(STRICT, least_cells=len(region) + 1)).region) == 0
+    assert len(region) >= STRICT.min_cells
+    assert len(find(box, replace(STRICT, min_cells=len(region))).region) == len(region)
+    assert len(find(box, replace(STRICT, min_cells=len(region) + 1)).region) == 0
 
 
 def test_the_sentence_says_where_and_how_much():

@@ -90,7 +90,7 @@ def test_only_what_is_new_and_near_reaches_down():
 
 @pytest.mark.parametrize(("moving", "side"), [(False, 0.03), (True, 0.07)])
 def test_who_plans_around_what_is_new_keeps_off_its_sides(moving, side):
-    params = NewObstacleParams(side=0.03, moving_side=0.07)
+    params = NewObstacleParams(dilation=0.03, moving_dilation=0.07)
     known = np.array([[0.0, 0.0, 0.8]])
     seen = np.array([[0.01, 0.0, 0.8], [0.2, 0.1, 0.9]])
     cloud = dilate_new_points(seen, cKDTree(known), known[0], moving=moving, params=params)

@@ -5,7 +5,7 @@ from pepper_drake.learning.dmp.phase_stopping import PhaseStopping
 from pepper_drake.systems.primitive.phase_stopping_coupling import PhaseStoppingCoupling
 from tests.systems.motion_example import moving
 
-LAW = PhaseStopping(rate=10.0, stopping=1000.0, pull=200.0, ignored=0.0)
+LAW = PhaseStopping(rate=10.0, slowdown_gain=1000.0, coupling_gain=200.0, dead_zone=0.0)
 
 
 def test_follows_its_law_while_active_and_is_silent_else():
