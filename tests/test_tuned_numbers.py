@@ -112,10 +112,7 @@ ALLOWED = {
         "numeric": "_DAMPING",
         "offline": "_POSTURE_GAIN",
     },
-    "planning/collision/compiled_grid.py": {
-        "layout": "UNKNOWN ASKED_FOR READY",
-        "numeric": "ROUNDING",
-    },
+    "planning/collision/compiled_grid.py": {"numeric": "ROUNDING"},
     "planning/ik/goal_configurations.py": {
         "numeric": "_LIBRARY_SIZE _SEED _STEPS _DAMPING _TOLERANCE _LARGEST_STEP"
     },
@@ -129,6 +126,7 @@ ALLOWED = {
     "planning/reach/drive_supervision.py": {"numeric": "ROUNDING"},
     "planning/reach/remaining_reach.py": {"numeric": "_STRIDE"},
     "planning/reach/steadiness.py": {"numeric": "_SAMPLE"},
+    "planning/trajectories/compiled_cost.py": {"numeric": "_TERMS"},
     "planning/trajectories/joint_trajectories.py": {"numeric": "_DEGREE"},
     "planning/trajectories/retreat.py": {"numeric": "_STRONGEST_BRAKING"},
     "planning/trajectories/trajectory_adapter.py": {"layout": "PLANNED", "numeric": "_LOOKED_AT"},

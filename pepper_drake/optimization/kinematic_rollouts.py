@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
@@ -151,7 +152,7 @@ def distance_grid(arm: str, field: PointCloudDistance) -> DistanceGrid:
     """Returns the grid of distances to obstacles in an arm's workspace, in T."""
     region = arm_region(arm)
     far = np.full((1, np.prod(region.counts)), GRID_CAP)
-    return DistanceGrid(region, far, lambda places: field.distance(places, GRID_CAP))
+    return DistanceGrid(region, far, [(field, RigidTransform())], GRID_CAP)
 
 
 def arm_of(primitive: MovementPrimitive) -> str:

@@ -35,7 +35,9 @@ class PointCells(NamedTuple):
 
     @classmethod
     def of(cls, points: Array, offsets: Array = _ITSELF) -> "PointCells":
-        """Sorts points (P, 3) [m], P not zero, each of them at K offsets (K, 3) from it."""
+        """Sorts points (P, 3) [m], each of them at K offsets (K, 3) from it."""
+        if not len(points):
+            return cls(np.zeros((0, 3)), np.zeros(2, int), np.zeros(3), np.ones(3, int), _CELL)
         return cls(*_sorted(np.array(points, order="C"), offsets))
 
 
@@ -54,56 +56,59 @@ def _sorted(
     counts = np.empty(3, np.int64)
     for k in range(3):
         counts[k] = int((upper[k] + offsets[:, k].max() - lower[k]) / size) + 1
-    cells = np.empty(len(points) * len(offsets), np.int64)
+    cells = np.empty((len(offsets), len(points)), np.int32)
     first = np.zeros(counts[0] * counts[1] * counts[2] + 1, np.int64)
-    number = 0
+    density = 1.0 / size
     for m in range(len(offsets)):
+        u, v, w = offsets[m]
         for n in range(len(points)):
-            cell = 0
-            for k in range(3):
-                index = int((points[n, k] + offsets[m, k] - lower[k]) / size)
-                cell = cell * counts[k] + min(max(index, 0), counts[k] - 1)
-            cells[number] = cell
-            first[cell + 1] += 1
-            number += 1
+            i = min(int((points[n, 0] + u - lower[0]) * density), counts[0] - 1)
+            j = min(int((points[n, 1] + v - lower[1]) * density), counts[1] - 1)
+            k = min(int((points[n, 2] + w - lower[2]) * density), counts[2] - 1)
+            cells[m, n] = (i * counts[1] + j) * counts[2] + k
+            first[cells[m, n] + 1] += 1
     for cell in range(len(first) - 1):
         first[cell + 1] += first[cell]
-    place, ordered, number = first.copy(), np.empty((len(cells), 3)), 0
+    place, ordered = first.copy(), np.empty((cells.size, 3))
     for m in range(len(offsets)):
+        u, v, w = offsets[m]
         for n in range(len(points)):
-            row = place[cells[number]]
-            place[cells[number]] += 1
-            number += 1
-            for k in range(3):
-                ordered[row, k] = points[n, k] + offsets[m, k]
+            row = place[cells[m, n]]
+            place[cells[m, n]] += 1
+            ordered[row, 0] = points[n, 0] + u
+            ordered[row, 1] = points[n, 1] + v
+            ordered[row, 2] = points[n, 2] + w
     return ordered, first, lower, counts, size
+
+
+@compiled
+def _span(place: float, bound: float, density: float, count: int) -> tuple[int, int]:
+    """First cell along an axis within a bound of a place, and the one after the last of them."""
+    low, high = np.floor((place - bound) * density), np.floor((place + bound) * density) + 1.0
+    return int(min(max(low, 0.0), count)), int(min(max(high, 0.0), count))
 
 
 @compiled
 def _nearest(x: float, y: float, z: float, bound: float, cells: PointCells) -> float:
     """Distance of a place to the nearest point, `bound` if none is nearer [m]."""
     points, first, lower, counts, size = cells
+    u, v, w, density = x - lower[0], y - lower[1], z - lower[2], 1.0 / size
+    i_0, i_1 = _span(u, bound, density, counts[0])
+    j_0, j_1 = _span(v, bound, density, counts[1])
     best = bound * bound
-    low, high = np.empty(3), np.empty(3)
-    for k, place in enumerate((x, y, z)):
-        low[k] = max(np.floor((place - bound - lower[k]) / size), 0.0)
-        high[k] = min(np.floor((place + bound - lower[k]) / size), counts[k] - 1.0)
-        if not low[k] <= high[k]:
-            return bound
-    k_0, k_1 = int(low[2]), int(high[2])
-    for i in range(int(low[0]), int(high[0]) + 1):
-        near = lower[0] + size * i
-        a = max(near - x, x - near - size, 0.0)
-        for j in range(int(low[1]), int(high[1]) + 1):
-            near = lower[1] + size * j
-            b = max(near - y, y - near - size, 0.0)
-            if a * a + b * b >= best:
+    for i in range(i_0, i_1):
+        a = max(size * i - u, u - size * (i + 1), 0.0)
+        for j in range(j_0, j_1):
+            b = max(size * j - v, v - size * (j + 1), 0.0)
+            left = best - a * a - b * b
+            if left <= 0.0:
                 continue
+            k_0, k_1 = _span(w, math.sqrt(left), density, counts[2])
             row = (i * counts[1] + j) * counts[2]
             # The cells of a row lie one behind the other, and so do their points.
-            for n in range(first[row + k_0], first[row + k_1 + 1]):
-                u, v, w = points[n, 0] - x, points[n, 1] - y, points[n, 2] - z
-                best = min(best, u * u + v * v + w * w)
+            for n in range(first[row + k_0], first[row + k_1]):
+                c, d, e = points[n, 0] - x, points[n, 1] - y, points[n, 2] - z
+                best = min(best, c * c + d * d + e * e)
     return math.sqrt(best)
 
 
@@ -178,27 +183,25 @@ def _nearest_points(
     points, first, lower, counts, size = cells
     count = len(squares)
     chosen = np.empty(count, np.int64)
-    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    u, v, w, density = x - lower[0], y - lower[1], z - lower[2], 1.0 / size
     while True:
-        whole, found = True, 0
-        for k, place in enumerate((x, y, z)):
-            least = np.floor((place - bound - lower[k]) / size)
-            most = np.floor((place + bound - lower[k]) / size)
-            whole &= least <= 0.0 and most >= counts[k] - 1.0
-            low[k] = int(min(max(least, 0.0), counts[k] - 1.0))
-            high[k] = int(min(max(most, 0.0), counts[k] - 1.0))
-        for i in range(low[0], high[0] + 1):
-            near = lower[0] + size * i
-            a = max(near - x, x - near - size, 0.0)
-            for j in range(low[1], high[1] + 1):
-                near = lower[1] + size * j
-                b = max(near - y, y - near - size, 0.0)
-                if found == count and a * a + b * b >= squares[count - 1]:
-                    continue
+        i_0, i_1 = _span(u, bound, density, counts[0])
+        j_0, j_1 = _span(v, bound, density, counts[1])
+        k_0, k_1 = _span(w, bound, density, counts[2])
+        found, cells_looked_at = 0, (i_1 - i_0) * (j_1 - j_0) * (k_1 - k_0)
+        for i in range(i_0, i_1):
+            a = max(size * i - u, u - size * (i + 1), 0.0)
+            for j in range(j_0, j_1):
+                b = max(size * j - v, v - size * (j + 1), 0.0)
+                if found == count:
+                    left = squares[count - 1] - a * a - b * b
+                    if left <= 0.0:
+                        continue
+                    k_0, k_1 = _span(w, math.sqrt(left), density, counts[2])
                 row = (i * counts[1] + j) * counts[2]
-                for n in range(first[row + low[2]], first[row + high[2] + 1]):
-                    u, v, w = x - points[n, 0], y - points[n, 1], z - points[n, 2]
-                    square = u * u + v * v + w * w
+                for n in range(first[row + k_0], first[row + k_1]):
+                    c, d, e = points[n, 0] - x, points[n, 1] - y, points[n, 2] - z
+                    square = c * c + d * d + e * e
                     if found == count and square >= squares[count - 1]:
                         continue
                     found = min(found + 1, count)
@@ -208,6 +211,7 @@ def _nearest_points(
                         k -= 1
                     squares[k], chosen[k] = square, n
         # All within the bound were looked at; what is chosen beyond it need not be the nearest.
+        whole = cells_looked_at == len(first) - 1
         if whole or (found == count and squares[count - 1] <= bound * bound):
             return chosen
         bound *= 2.0

@@ -59,15 +59,15 @@ class PointCloudDistance:
             cloud = np.zeros((0, 3))
         if cloud.ndim != 2 or cloud.shape[1] != 3:
             raise InputError(f"obstacles: shape {cloud.shape}; give points of shape (P, 3)")
-        self.points = cloud[np.isfinite(cloud @ _ONES)]
+        self.points = cloud.compress(np.isfinite(cloud @ _ONES), axis=0)
         depths = np.linspace(0.0, extension, round(extension / _SPACING) + 1)
         self._offsets = np.multiply.outer(depths, np.asarray(down, dtype=float))
         self._neighbours = min(_NEIGHBOURS, len(self.points) * len(depths))
 
     @cached_property
-    def cells(self) -> PointCells | None:
-        """The extended cloud, sorted into cells; None for an empty cloud."""
-        return PointCells.of(self.points, self._offsets) if len(self.points) else None
+    def cells(self) -> PointCells:
+        """The extended cloud, sorted into cells."""
+        return PointCells.of(self.points, self._offsets)
 
     def distance(self, positions: npt.ArrayLike, within: float = np.inf) -> Array:
         """Returns the distance (...) [m] of positions (..., 3); infinite for an empty cloud.
@@ -77,8 +77,6 @@ class PointCloudDistance:
             within: Distances beyond this [m] are returned as infinite, which is much faster.
         """
         places = _finite(positions)
-        if self.cells is None:
-            return np.full(places.shape[:-1], np.inf)
         found = nearest_distances(places.reshape(-1, 3), self.cells, float(within))
         return np.asarray(found.reshape(places.shape[:-1]))
 
@@ -88,7 +86,7 @@ class PointCloudDistance:
         For an empty cloud distances are infinite and normals zero.
         """
         places = _finite(positions)
-        if self.cells is None:
+        if not len(self.points):
             return np.full(places.shape[:-1], np.inf), np.zeros(places.shape)
         distances, normals = blended_directions(
             places.reshape(-1, 3), self.cells, self._neighbours, _BLENDING

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.learning.dmp.point_cells import nearest_distances
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame, cluster_labels
 from pepper_drake.perception.mapping.voxel_map import VoxelMap, VoxelMapParameters, one_per_voxel
 from pepper_drake.short_repr import short_repr
@@ -81,10 +82,10 @@ class SeenSpace:
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
         age = self._free_age(p_W, time, np.inf)
         state = np.where(np.isfinite(age), SpaceState.FREE, SpaceState.UNKNOWN).astype(np.uint8)
-        distance, nearest = self._occupied(p_W)
+        distance, nearest = self.voxels.tree.query(p_W, distance_upper_bound=self._reach)
         near = np.isfinite(distance)
         state[near] = SpaceState.OCCUPIED
-        age[near] = time - self.voxels.hit_times[nearest[near]]
+        age[near] = time - self.voxels.hit_times[np.asarray(nearest)[near]]
         return state, age
 
     def unseen(self, p_W: Points, time: float, *, oldest: float | Points) -> npt.NDArray[np.bool_]:
@@ -97,11 +98,12 @@ class SeenSpace:
             time: Present time [s].
             oldest: Largest age at which a free place counts as seen [s]; a scalar or (N,).
         """
-        p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
-        age = self._free_age(p_W, time, float(np.max(oldest, initial=-np.inf)))
+        places = np.array(p_W, dtype=float).reshape(-1, 3)
+        age = self._free_age(places, time, float(np.max(oldest, initial=-np.inf)))
         unseen = np.asarray((age > oldest) | np.isinf(age))
         left = np.flatnonzero(unseen)
-        unseen[left[np.isfinite(self._occupied(p_W[left])[0])]] = False
+        distance = nearest_distances(places[left], self.voxels.cells, self._reach)
+        unseen[left[np.isfinite(distance)]] = False
         return unseen
 
     def hidden_below(self, p_W: Points, spacing: float) -> Points:
@@ -155,18 +157,16 @@ class SeenSpace:
         left = np.arange(len(p_W))
         for view in reversed(self.views):
             if len(left) and time - view.time <= longest:
-                free = view.sees_free_space(p_W[left], self.parameters)
-                age[left[free]] = time - view.time
-                left = left[~free]
+                free = view.sees_free_space(p_W, self.parameters)
+                if free.any():
+                    age[left[free]] = time - view.time
+                    left, p_W = left[~free], p_W.compress(~free, axis=0)
         return age
 
-    def _occupied(self, p_W: Points) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
-        """Returns the distance (N,) [m] from places (N, 3) to the nearest voxel, and its index."""
-        if not len(self.voxels) or not len(p_W):
-            return np.full(len(p_W), np.inf), np.zeros(len(p_W), np.intp)
-        reach = self.parameters.voxel_size + self.parameters.carve_margin
-        distance, nearest = self.voxels.tree.query(p_W, distance_upper_bound=reach)
-        return np.asarray(distance), np.asarray(nearest)
+    @property
+    def _reach(self) -> float:
+        """Distance from a voxel within which places count as occupied [m]."""
+        return self.parameters.voxel_size + self.parameters.carve_margin
 
 
 def describe_place(p_T: Points) -> str:

@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.compiled import compiled
 from pepper_drake.errors import InputError
+from pepper_drake.learning.dmp.point_cells import PointCells
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.cameras.projection import pixel_at
 from pepper_drake.perception.mapping.cloud import SurfacePoints
@@ -130,6 +131,11 @@ class VoxelMap:
     def tree(self) -> cKDTree:
         """Returns a k-d tree of the positions."""
         return cKDTree(self.positions, balanced_tree=False, compact_nodes=False)
+
+    @cached_property
+    def cells(self) -> PointCells:
+        """Returns the positions sorted into cells, which is faster than a tree."""
+        return PointCells.of(self.positions.astype(float))
 
     def select(self, kept: npt.NDArray[np.bool_]) -> "VoxelMap":
         """Returns the map of the voxels selected by a mask (N,)."""
@@ -299,8 +305,7 @@ def is_free_space(
             np.array(p_W),
             clear,
             intrinsics.numbers,
-            X_WC.rotation().matrix().astype(number),
-            X_WC.translation().astype(number),
+            X_WC.GetAsMatrix34().astype(number),
             number(parameters.carve_margin),
             number(3 * parameters.depth_noise),
         )
@@ -312,8 +317,7 @@ def _sees_through(
     p_W: npt.NDArray[np.floating],
     clear: npt.NDArray[np.float32],
     camera: npt.NDArray[np.float64],
-    R_WC: npt.NDArray[np.floating],
-    p_WC: npt.NDArray[np.floating],
+    X_WC: npt.NDArray[np.floating],
     margin: float,
     noise: float,
 ) -> npt.NDArray[np.bool_]:
@@ -321,12 +325,12 @@ def _sees_through(
     through = np.zeros(len(p_W), dtype=np.bool_)
     height, width = clear.shape
     for n in range(len(p_W)):
-        a, b, c = p_W[n, 0] - p_WC[0], p_W[n, 1] - p_WC[1], p_W[n, 2] - p_WC[2]
-        z = a * R_WC[0, 2] + b * R_WC[1, 2] + c * R_WC[2, 2]
+        a, b, c = p_W[n, 0] - X_WC[0, 3], p_W[n, 1] - X_WC[1, 3], p_W[n, 2] - X_WC[2, 3]
+        z = a * X_WC[0, 2] + b * X_WC[1, 2] + c * X_WC[2, 2]
         if not z > 0.05:
             continue
-        x = np.float64(a * R_WC[0, 0] + b * R_WC[1, 0] + c * R_WC[2, 0]) / np.float64(z)
-        y = np.float64(a * R_WC[0, 1] + b * R_WC[1, 1] + c * R_WC[2, 1]) / np.float64(z)
+        x = np.float64(a * X_WC[0, 0] + b * X_WC[1, 0] + c * X_WC[2, 0]) / np.float64(z)
+        y = np.float64(a * X_WC[0, 1] + b * X_WC[1, 1] + c * X_WC[2, 1]) / np.float64(z)
         u, v = pixel_at(x, y, camera)
         if u >= -0.5 and v >= -0.5 and u < width - 0.5 and v < height - 0.5:
             seen = clear[int(np.rint(v)), int(np.rint(u))]

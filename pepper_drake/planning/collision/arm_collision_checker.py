@@ -90,9 +90,8 @@ class ArmCollisionChecker:
         goal_object: The goal object's surface, in its frame O.
         X_TO: The goal object's pose.
         body: Gives the body's shapes in T.
-        body_layer: Gives the distance (N,) of the body at the nodes of `arm_region` [m]; see
-            `sample_body`. Both are asked only when they are needed.
-        body_allowance: Distance by which the body may be nearer than obstacles [m].
+        body_layer: Gives the body's layer (N,) of the grid [m]; see `sample_body`. Both are asked
+            only when they are needed.
 
     Attributes:
         kinematics: Of the arm.
@@ -107,13 +106,12 @@ class ArmCollisionChecker:
         goal_object: PointCloudDistance,
         X_TO: RigidTransform,
         body: Callable[[], SolidSet],
-        body_layer: Callable[[], Vector],
-        body_allowance: float,
+        body_layer: Callable[[], npt.NDArray[np.float32]],
     ) -> None:
         self.kinematics, self._shapes = shapes.kinematics, shapes
         self._field, self._X_FT = obstacles, X_FT
         self._object, self._X_OT = goal_object, X_TO.inverse()
-        self._body, self._body_layer, self._allowance = body, body_layer, body_allowance
+        self._body, self._body_layer = body, body_layer
         self._watched = self_collision_spheres(self.kinematics.spheres)
 
     def distances(self, joints: Vector) -> Vector:
@@ -150,16 +148,9 @@ class ArmCollisionChecker:
         """Distances to all that the arm must not touch, without (0) and with (1) the body."""
         region = arm_region(self.kinematics.arm)
         body = self._body_layer()
-        layers = np.full((2, len(body)), GRID_CAP, np.float32)
-        layers[CLOUD_AND_BODY] = np.minimum(body + self._allowance, GRID_CAP)
-        return DistanceGrid(region, layers, self._around)
-
-    def _around(self, p_T: Vector) -> Vector:
-        """Distances (N,) of places (N, 3) to seen obstacles and the goal object [m]."""
-        return np.minimum(
-            self._field.distance(_moved(self._X_FT, p_T), GRID_CAP),
-            self._object.distance(_moved(self._X_OT, p_T), GRID_CAP),
-        )
+        layers = np.stack((np.full_like(body, GRID_CAP), body))
+        clouds = (self._field, self._X_FT), (self._object, self._X_OT)
+        return DistanceGrid(region, layers, clouds, GRID_CAP)
 
     @cached_property
     def moving(self) -> Spheres:
@@ -174,18 +165,20 @@ class ArmCollisionChecker:
         """Returns distances (N, S') of the spheres below the upper arm, from the grid [m].
 
         Within a few millimetres of the truth, and at most `GRID_CAP` less the sphere's radius;
-        forearm and hand see the body, too, `body_allowance` farther away than it is.
+        forearm and hand see the body, too, farther away than it is by its allowance.
         """
         spheres, poses = self.moving, self.kinematics.poses(joints)
         centers = placed_points(poses.rotations, poses.positions, spheres.link, spheres.centers)
         return np.asarray(self.grid.distance(centers, spheres.layers) - spheres.radii)
 
 
-def _moved(X_FT: RigidTransform, p_T: Vector) -> Vector:
-    """Places (N, 3) in another frame."""
-    return np.asarray(p_T @ X_FT.rotation().matrix().T + X_FT.translation())
+def sample_body(arm: str, body: SolidSet, allowance: float) -> npt.NDArray[np.float32]:
+    """Distance (N,) of the robot's body at the nodes of `arm_region`, at most `GRID_CAP` [m].
 
-
-def sample_body(arm: str, body: SolidSet) -> Vector:
-    """Distance (N,) of the robot's body at the nodes of `arm_region`, at most `GRID_CAP` [m]."""
-    return body.distance(arm_region(arm).nodes(), cap=GRID_CAP)
+    Args:
+        arm: "left" or "right".
+        body: Its shapes in T.
+        allowance: Added to the distance: by this the body may be nearer than obstacles [m].
+    """
+    distances = body.distance(arm_region(arm).nodes(), cap=GRID_CAP) + allowance
+    return np.minimum(distances, GRID_CAP).astype(np.float32)

@@ -74,6 +74,7 @@ class ArmKinematics:
 
     def __init__(self, model: ControlModel, arm: str) -> None:
         self.arm = arm
+        self._X_TT = np.eye(3), np.zeros(3)
         self.spheres: SphereModel = make_link_spheres(model, arm_link_names(arm))
         plant = model.plant
         link_after: list[int] = []
@@ -106,7 +107,7 @@ class ArmKinematics:
 
     def poses(self, joints: Vector, X_FT: RigidTransform | None = None) -> ArmPoses:
         """Link poses of the arm at joints (M, 5) [rad], in a frame F; left out, F is T."""
-        R, p = np.eye(3), np.zeros(3)
+        R, p = self._X_TT
         if X_FT is not None:
             R, p = np.array(X_FT.rotation().matrix(), order="C"), np.array(X_FT.translation())
         # A copy: compiled anew it would be for arrays that may not be written or have gaps.

@@ -99,8 +99,6 @@ class BodyClearance:
         """
         if not (np.isfinite(base_poses).all() and np.isfinite(joint_position).all()):
             raise ValueError("base poses and joints must be finite")
-        if field.cells is None:
-            return np.full(len(base_poses), np.inf)
         p_W = at_base_poses(self.centers(joint_position), base_poses)
         return minimum_gaps(p_W, self._spheres.radii, field.cells, within)
 

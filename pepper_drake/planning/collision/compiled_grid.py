@@ -6,14 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.compiled import compiled
+from pepper_drake.learning.dmp.point_cells import PointCells, nearest_distances
 
 Vector = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 Numbers = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
 ROUNDING = np.float32(3 << 22)
 """Adding and subtracting it rounds a number below 2²² to the nearest integer."""
-UNKNOWN, ASKED_FOR, READY = range(3)
-"""States of a grid's node: not measured, requested, or measured."""
 
 
 class Spheres(NamedTuple):
@@ -32,92 +32,83 @@ class Spheres(NamedTuple):
     layers: Numbers
 
 
+class PlacedCloud(NamedTuple):
+    """A cloud of points in a frame F, and the pose of the grid's frame T in it.
+
+    Attributes:
+        cells: The points.
+        R_FT: (3, 3).
+        p_FT: (3,) [m].
+    """
+
+    cells: PointCells
+    R_FT: Vector
+    p_FT: Vector
+
+
 class GridArrays(NamedTuple):
     """A `DistanceGrid` of N nodes.
 
     Attributes:
         table: (L, N, 4) distances [m] and their differences per node along each axis.
-        state: (N,) of the nodes; the table is valid for those that are READY.
+        ready: (N,) whether the table is filled in.
+        values: (L, N) distances where they are measured, upper bounds elsewhere [m].
+        measured: (N,) whether the distance to the clouds is known.
         lower: (3,) position of the first node [m].
-        density: Nodes per metre.
+        spacing: Distance between nodes [m].
         counts: (3,) number of nodes along each axis.
+        clouds: What is measured.
+        cap: Distance up to which it is measured [m].
     """
 
     table: Floats
-    state: npt.NDArray[np.uint8]
+    ready: Mask
+    values: Floats
+    measured: Mask
     lower: Vector
-    density: float
+    spacing: float
     counts: Numbers
+    clouds: tuple[PlacedCloud, ...]
+    cap: float
 
 
 @compiled
-def looked_up(points: Vector, layers: Numbers, grid: GridArrays) -> tuple[Floats, Numbers]:
-    """Returns distances (M, S) [m] at points (M, S, 3), and the nodes (K,) that must be measured.
-
-    The distances are valid if there are none.
-    """
-    found, off = np.empty(points.shape[:2], np.float32), np.empty(3, np.float32)
-    missing, count = np.empty(len(grid.state), np.int64), 0
-    table, density = grid.table, np.float32(grid.density)
+def looked_up(points: Vector, layers: Numbers, grid: GridArrays) -> Floats:
+    """Returns distances (M, S) [m] at points (M, S, 3), each in its layer (S,)."""
+    spheres = points.shape[1]
+    found, off = np.empty(points.shape[:2], np.float32), np.empty((spheres, 3), np.float32)
+    nodes, missing = np.empty(spheres, np.int64), np.empty(spheres, np.int64)
+    table, density = grid.table, np.float32(1.0 / grid.spacing)
     for m in range(points.shape[0]):
-        for s in range(points.shape[1]):
-            node, layer = 0, layers[s]
+        count = 0
+        for s in range(spheres):
+            node = 0
             for k in range(3):
                 scaled = np.float32(points[m, s, k] - grid.lower[k]) * density
                 scaled = min(max(scaled, np.float32(0.0)), np.float32(grid.counts[k] - 1))
                 nearest = (scaled + ROUNDING) - ROUNDING
-                off[k], node = scaled - nearest, node * grid.counts[k] + int(nearest)
-            distance = table[layer, node, 0] + table[layer, node, 1] * off[0]
-            distance += table[layer, node, 2] * off[1]
-            found[m, s] = distance + table[layer, node, 3] * off[2]
-            if grid.state[node] == UNKNOWN:
-                missing[count], grid.state[node] = node, ASKED_FOR
+                off[s, k], node = scaled - nearest, node * grid.counts[k] + int(nearest)
+            nodes[s] = node
+            if not grid.ready[node]:
+                missing[count], grid.ready[node] = node, True
                 count += 1
-    return found, missing[:count]
+        if count:
+            make_ready(missing[:count], grid)
+        for s in range(spheres):
+            node, layer = nodes[s], layers[s]
+            distance = table[layer, node, 0] + table[layer, node, 1] * off[s, 0]
+            distance += table[layer, node, 2] * off[s, 1]
+            found[m, s] = distance + table[layer, node, 3] * off[s, 2]
+    return found
 
 
 @compiled
-def not_measured(
-    nodes: Numbers, measured: npt.NDArray[np.bool_], counts: Numbers, lower: Vector, spacing: float
-) -> tuple[Numbers, Vector]:
-    """Returns the unmeasured of nodes (K,) and of their neighbours, and marks them as measured.
-
-    Args:
-        nodes: (K,).
-        measured: (N,) of all nodes, modified in place.
-        counts: (3,) number of nodes along each axis.
-        lower: (3,) position of the first node [m].
-        spacing: Distance between nodes [m].
-
-    Returns:
-        Their numbers (M,) and positions (M, 3) [m].
-    """
-    found, count = np.empty(7 * len(nodes), np.int64), 0
-    for node in nodes:
-        stride = 1
-        for axis in range(2, -1, -1):
-            at = node // stride % counts[axis]
-            for offset in range(-1 if at > 0 else 0, 2 if at < counts[axis] - 1 else 1):
-                if not measured[node + offset * stride]:
-                    measured[node + offset * stride] = True
-                    found[count] = node + offset * stride
-                    count += 1
-            stride *= counts[axis]
-    places = np.empty((count, 3))
-    for n in range(count):
-        node = found[n]
-        for axis in range(2, -1, -1):
-            places[n, axis] = lower[axis] + spacing * (node % counts[axis])
-            node //= counts[axis]
-    return found[:count], places
-
-
-@compiled
-def make_rows(nodes: Numbers, values: Floats, grid: GridArrays) -> None:
-    """Fills in the table for nodes (K,) from distances (L, N), and marks them as READY.
+def make_ready(nodes: Numbers, grid: GridArrays) -> None:
+    """Fills in the table for nodes (K,), which the caller has marked as ready.
 
     Differences per node are central; at the border they are one-sided.
     """
+    _measure(nodes, grid)
     for node in nodes:
         stride = 1
         for axis in range(2, -1, -1):
@@ -125,9 +116,40 @@ def make_rows(nodes: Numbers, values: Floats, grid: GridArrays) -> None:
             low = node - stride if at > 0 else node
             high = node + stride if at < grid.counts[axis] - 1 else node
             share = np.float32(0.5 if high - low == 2 * stride else 1.0)
-            for layer in range(len(values)):
-                change = values[layer, high] - values[layer, low]
+            for layer in range(len(grid.values)):
+                change = grid.values[layer, high] - grid.values[layer, low]
                 grid.table[layer, node, axis + 1] = share * change
-                grid.table[layer, node, 0] = values[layer, node]
+                grid.table[layer, node, 0] = grid.values[layer, node]
             stride *= grid.counts[axis]
-        grid.state[node] = READY
+
+
+@compiled
+def _measure(nodes: Numbers, grid: GridArrays) -> None:
+    """Measures the distances of nodes (K,) and of their neighbours to the clouds, once."""
+    found, count, counts = np.empty(7 * len(nodes), np.int64), 0, grid.counts
+    for node in nodes:
+        stride = 1
+        for axis in range(2, -1, -1):
+            at = node // stride % counts[axis]
+            for offset in range(-1 if at > 0 else 0, 2 if at < counts[axis] - 1 else 1):
+                if not grid.measured[node + offset * stride]:
+                    grid.measured[node + offset * stride] = True
+                    found[count] = node + offset * stride
+                    count += 1
+            stride *= counts[axis]
+    p_T, p_F = np.empty(3), np.empty((count, 3))
+    for cloud in grid.clouds:
+        for n in range(count):
+            node = found[n]
+            for axis in range(2, -1, -1):
+                p_T[axis] = grid.lower[axis] + grid.spacing * (node % counts[axis])
+                node //= counts[axis]
+            for i in range(3):
+                p_F[n, i] = cloud.p_FT[i]
+                for j in range(3):
+                    p_F[n, i] += cloud.R_FT[i, j] * p_T[j]
+        distances = nearest_distances(p_F, cloud.cells, grid.cap)
+        for n in range(count):
+            for layer in range(len(grid.values)):
+                known = grid.values[layer, found[n]]
+                grid.values[layer, found[n]] = min(known, np.float32(distances[n]))

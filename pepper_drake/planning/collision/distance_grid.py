@@ -1,18 +1,14 @@
 """Distances on a grid, for large batches of look-ups."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 
-from pepper_drake.planning.collision.compiled_grid import (
-    UNKNOWN,
-    GridArrays,
-    looked_up,
-    make_rows,
-    not_measured,
-)
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+from pepper_drake.planning.collision.compiled_grid import GridArrays, PlacedCloud, looked_up
 
 Vector = npt.NDArray[np.float64]
 
@@ -55,31 +51,40 @@ class DistanceGrid:
     search passes only a small part of a region.
 
     Args:
-        region: The nodes.
+        region: The nodes, in T.
         layers: (L, N) upper bounds of the distances at the nodes [m], one row per field.
-        measure: Returns distances (M,) of positions (M, 3) [m], common to all layers: the smaller
-            of it and the layer's counts. If omitted, the layers are the distances.
+        clouds: Clouds that lower the distances of all layers, at least one, each in a frame F, with
+            X_FT.
+        cap: Distance up to which a cloud is measured [m].
 
     Attributes:
         region: The nodes.
-        arrays: The grid for compiled code, which returns missing nodes for `make_ready`.
+        arrays: The grid for compiled code, which measures on its way.
     """
 
     def __init__(
         self,
         region: Region,
         layers: npt.NDArray[np.floating],
-        measure: Callable[[Vector], Vector] | None = None,
+        clouds: Sequence[tuple[PointCloudDistance, RigidTransform]],
+        cap: float,
     ) -> None:
-        self.region, self._measure = region, measure
-        self._values = layers.astype(np.float32)
-        self._measured = np.zeros(layers.shape[1], bool)
+        self.region = region
         self.arrays = GridArrays(
-            np.zeros((*layers.shape, 4), dtype=np.float32),
-            np.zeros(layers.shape[1], np.uint8),
+            np.empty((*layers.shape, 4), dtype=np.float32),
+            np.zeros(layers.shape[1], bool),
+            layers.astype(np.float32),
+            np.zeros(layers.shape[1], bool),
             np.asarray(region.lower),
-            1.0 / region.spacing,
+            region.spacing,
             np.array(region.counts),
+            tuple(
+                PlacedCloud(
+                    cloud.cells, np.array(X_FT.rotation().matrix(), order="C"), X_FT.translation()
+                )
+                for cloud, X_FT in clouds
+            ),
+            cap,
         )
 
     def distance(self, points: Vector, layers: npt.NDArray[np.intp]) -> npt.NDArray[np.float32]:
@@ -94,24 +99,4 @@ class DistanceGrid:
         """
         if not np.isfinite(points).all():
             raise ValueError("points must be finite")
-        found, missing = looked_up(points, layers, self.arrays)
-        if len(missing):
-            self.make_ready(missing)
-            found, _ = looked_up(points, layers, self.arrays)
-        return np.asarray(found)
-
-    def make_ready(self, nodes: npt.NDArray[np.int64]) -> None:
-        """Measures nodes (K,), and their neighbours for the differences."""
-        grid, values = self.arrays, self._values
-        if self._measure is not None:
-            new, places = not_measured(
-                nodes, self._measured, grid.counts, grid.lower, self.region.spacing
-            )
-            try:
-                distances = self._measure(places)
-            except BaseException:  # Interrupted by the user: what was not measured stays unknown.
-                self._measured[new] = False
-                grid.state[nodes] = UNKNOWN
-                raise
-            values[:, new] = np.minimum(values[:, new], distances)
-        make_rows(nodes, values, grid)
+        return looked_up(points, layers, self.arrays)

@@ -66,8 +66,6 @@ class ExactDistance:
         """
         if not np.isfinite(joints).all():
             raise ValueError("joints must be finite")
-        if field.cells is None:
-            return np.full(len(joints), np.inf)
         poses = self.kinematics.poses(joints, X_FT)
         centers = self.kinematics.sphere_centers(poses)
         least: Vector = minimum_gaps(centers, self.kinematics.spheres.radii, field.cells, within)

@@ -79,6 +79,7 @@ class PlanningSceneBuilder:
         self._sampled = lru_cache(maxsize=32)(self._sample)
         # One answer asks for the same several times.
         self._torso = lru_cache(maxsize=4)(self._torso_pose)
+        self._recent = lru_cache(maxsize=1)(self._build)
 
     def torso_pose(self, observation: Observation) -> RigidTransform:
         """Returns X_WT of an observation."""
@@ -116,6 +117,9 @@ class PlanningSceneBuilder:
             field_W: Distances to obstacles, from `obstacle_field`; for an observation with another
                 base pose, that of the original observation.
         """
+        return self._recent(observation, field_W)
+
+    def _build(self, observation: Observation, field_W: PointCloudDistance | None) -> PlanningScene:
         field_W = self.obstacle_field(observation) if field_W is None else field_W
         joint_position, base_pose = observation.joint_position, observation.base_pose
         X_WT = self.torso_pose(observation)
@@ -130,22 +134,20 @@ class PlanningSceneBuilder:
             X_TO=X_TO,
             body=lambda: self._body.at(joint_position),
             body_layer=lambda: self._body_layer(joint_position),
-            body_allowance=-self._params.self_clearance,
         )
+        x, y, z = cloud_T.T
+        near = x * x + y * y + z * z < self._params.obstacle_range**2
         return PlanningScene(
-            base_pose,
-            observation.arm,
-            X_TO,
-            cloud_T[np.linalg.norm(cloud_T, axis=1) < self._params.obstacle_range],
-            checker,
+            base_pose, observation.arm, X_TO, cloud_T.compress(near, axis=0), checker
         )
 
-    def _body_layer(self, joint_position: Vector) -> Vector:
+    def _body_layer(self, joint_position: Vector) -> npt.NDArray[np.float32]:
         """Returns the body's distances on the grid, with rounded joints and the head straight."""
         rounded = np.round(joint_position / 0.05) * 0.05
         rounded[body_indices(["HeadYaw", "HeadPitch"])] = 0.0
         rounded[self._arm_in_body] = 0.0
         return self._sampled(tuple(rounded))
 
-    def _sample(self, joint_position: tuple[float, ...]) -> Vector:
-        return sample_body(self._arm, self._body.at(np.array(joint_position)))
+    def _sample(self, joint_position: tuple[float, ...]) -> npt.NDArray[np.float32]:
+        body = self._body.at(np.array(joint_position))
+        return sample_body(self._arm, body, -self._params.self_clearance)

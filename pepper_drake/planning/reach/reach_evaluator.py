@@ -1,5 +1,6 @@
 """Simulates and evaluates movements in a planning scene, and adapts the demonstrated one."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -149,13 +150,16 @@ class ReachEvaluator:
         coupling = self.demonstrated.coupling
         if not isinstance(coupling, BarrierCoupling):
             return coupling
-        hand = replace(primitive, orientation=None, posture=None).rollout(time_step=0.02)
+        tau = primitive.duration
+        # Samples every 0.02 s or less, of few different numbers: the response to each is kept.
+        step = 0.02 / math.ceil(tau)
+        hand = replace(primitive, orientation=None, posture=None).rollout(step, duration=1.0)
         return fit_barrier_to_path(
             coupling,
             scene.field,
             hand.positions,
-            hand.velocities,
-            hand.accelerations,
+            hand.velocities / tau,
+            hand.accelerations / tau**2,
             margin=self.params.barrier_margin,
         )
 

@@ -53,31 +53,32 @@ def extrapolate_support_surface(
     Returns:
         (K, 3), empty if no surface was seen.
     """
-    surface = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
+    x, y = _surface(cloud_W, p_WO, p_WB, params)
     ahead = p_WO[:2] - p_WB[:2]
     distance = np.linalg.norm(ahead)
-    if len(surface) < params.min_stripes or distance < 1e-6:
+    if len(x) < params.min_stripes or distance < 1e-6:
         return np.zeros((0, 3))
     ahead = ahead / distance
     left = np.array([-ahead[1], ahead[0]])
-    along = (surface[:, :2] - p_WB[:2]) @ left
-    depth = (surface[:, :2] - p_WB[:2]) @ ahead
+    along, depth = x * left[0] + y * left[1], x * ahead[0] + y * ahead[1]
     stripes = np.floor(along / params.stripe).astype(int)
-    numbers, index = np.unique(stripes, return_inverse=True)
-    if len(numbers) < params.min_stripes:
+    first = stripes.min()
+    front = np.full(stripes.max() - first + 1, np.inf)
+    np.minimum.at(front, stripes - first, depth)
+    seen = np.flatnonzero(np.isfinite(front))
+    if len(seen) < params.min_stripes:
         return np.zeros((0, 3))
-    front = np.full(len(numbers), np.inf)
-    np.minimum.at(front, index, depth)
-    slope, offset = _front_line((numbers + 0.5) * params.stripe, front, params.ragged)
+    middles = (first + seen + 0.5) * params.stripe
+    slope, offset = _front_line(middles, front[seen], params.ragged)
     behind = depth - (offset + slope * along)
     beyond = np.arange(params.spacing, params.aside, params.spacing)
     rows = []
     for row in np.arange(0.0, params.depth, params.spacing):
-        seen = along[np.abs(behind - row) < params.spacing]
-        if len(seen):
-            y = np.concatenate((seen.min() - beyond, seen.max() + beyond))
-            x = offset + slope * y + row
-            rows.append(p_WB[:2] + x[:, None] * ahead + y[:, None] * left)
+        of_row = along[np.abs(behind - row) < params.spacing]
+        if len(of_row):
+            aside = np.concatenate((of_row.min() - beyond, of_row.max() + beyond))
+            forward = offset + slope * aside + row
+            rows.append(p_WB[:2] + forward[:, None] * ahead + aside[:, None] * left)
     xy = np.concatenate(rows) if rows else np.zeros((0, 2))
     return np.column_stack((xy, np.full(len(xy), p_WO[2])))
 
@@ -99,13 +100,21 @@ def assumed_support(
         A disc, or none, (0, 3), where something was seen at that height.
     """
     width = radius + params.rim
-    surface = cloud_W[np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness]
-    if len(surface) and np.linalg.norm(surface[:, :2] - p_WO[:2], axis=1).min() < width:
+    x, y = _surface(cloud_W, p_WO, p_WO, params)
+    if (x * x + y * y).min(initial=np.inf) < width * width:
         return np.zeros((0, 3))
     steps = params.spacing * np.arange(-np.ceil(width / params.spacing), width / params.spacing + 1)
     x, y = np.meshgrid(steps, steps)
     within = np.hypot(x, y) <= width
     return p_WO + np.column_stack((x[within], y[within], np.zeros(np.count_nonzero(within))))
+
+
+def _surface(
+    cloud_W: Vector, p_WO: Vector, origin: Vector, params: SupportSurfaceParams
+) -> tuple[Vector, Vector]:
+    """Returns x and y (S,) from an origin of the points at the height of the goal's bottom [m]."""
+    surface = cloud_W.compress(np.abs(cloud_W[:, 2] - p_WO[2]) < params.thickness, axis=0)
+    return surface[:, 0] - origin[0], surface[:, 1] - origin[1]
 
 
 def _front_line(y: Vector, front: Vector, ragged: float) -> tuple[float, float]:
@@ -115,17 +124,18 @@ def _front_line(y: Vector, front: Vector, ragged: float) -> tuple[float, float]:
     squares through all stripes (N,) that begin within `ragged` [m] of it.
     """
     best = (0.0, float(front.min()))
-    rise = (front - front[:, None]) / np.where(y == y[:, None], 1.0, y - y[:, None])
-    # Of the lines through one stripe on either side, the one before which no stripe begins.
+    # Of the lines through one stripe on either side, the one that is nearest at y = 0.
     i, j = np.nonzero((y[:, None] <= 0.0) & (y > 0.0))
-    offsets = front[i] - rise[i, j] * y[i]
-    below = front < offsets[:, None] + rise[i, j][:, None] * y - 1e-9
-    hull = np.flatnonzero(~below.any(axis=1))
-    if len(hull):
-        best = (float(rise[i, j][hull[0]]), float(offsets[hull[0]]))
+    if len(i):
+        rise = (front[j] - front[i]) / (y[j] - y[i])
+        offsets = front[i] - rise * y[i]
+        nearest = int(np.argmin(offsets))
+        best = (float(rise[nearest]), float(offsets[nearest]))
     slope, offset = best
     on = front <= offset + slope * y + ragged
     if np.count_nonzero(on) < 2:
         return best
-    slope, offset = np.polyfit(y[on], front[on], 1)
-    return float(slope), float(offset)
+    y, front = y[on], front[on]
+    aside, middle = y - y.mean(), float(front.mean())
+    slope = float(aside @ front / (aside @ aside))
+    return slope, middle - slope * float(y.mean())

@@ -9,17 +9,18 @@ import numpy.typing as npt
 from pepper_drake.compiled import compiled
 from pepper_drake.planning.collision.compiled_arm import ArmChain
 from pepper_drake.planning.collision.compiled_grid import (
-    ASKED_FOR,
-    READY,
     ROUNDING,
-    UNKNOWN,
     GridArrays,
     Spheres,
+    make_ready,
 )
 
 Vector = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 Numbers = npt.NDArray[np.int64]
+
+_TERMS = 9
+"""Terms of the series beside the first."""
 
 
 class CostNumbers(NamedTuple):
@@ -45,14 +46,31 @@ class CostNumbers(NamedTuple):
 
 
 @compiled
+def _cos_and_sin(angles: Vector, cos: Vector, sin: Vector) -> None:
+    """Fills in cosines and sines (N,) of angles (N,) up to half a turn [rad], to 1e-14.
+
+    Taylor's series of half the angle: the compiler vectorises it, unlike calls of a library.
+    """
+    for n in range(len(angles)):
+        half, c, s = 0.5 * angles[n], 1.0, 1.0
+        square = half * half
+        for k in range(2 * _TERMS, 0, -2):
+            c = 1.0 - square * (1.0 / (k * (k - 1))) * c
+            s = 1.0 - square * (1.0 / (k * (k + 1))) * s
+        s *= half
+        cos[n], sin[n] = 1.0 - 2.0 * s * s, 2.0 * s * c
+
+
+@compiled
 def _pose_path(
-    cos: Vector, sin: Vector, chain: ArmChain, R: Vector, rotations: Vector, positions: Vector
+    path: Vector, chain: ArmChain, R: Vector, rotations: Vector, positions: Vector
 ) -> None:
-    """Vectorised `link_poses`: each operation runs over N postures, given by cos, sin (5, N).
+    """Vectorised `link_poses`: each operation runs over N postures (5, N).
 
     Poses are (L, 3, 3, N) and (L, 3, N), those of the hand last; R (3, 3, N) is workspace.
     """
-    count, hand = cos.shape[1], chain.rows[5]
+    count, hand = path.shape[1], chain.rows[5]
+    cosine, sine = np.empty(count), np.empty(count)
     p = positions[hand]
     for i in range(3):
         for n in range(count):
@@ -73,7 +91,8 @@ def _pose_path(
                     b[n] = u * C[0, 1] + v * C[1, 1] + w * C[2, 1]
                     c[n] = u * C[0, 2] + v * C[1, 2] + w * C[2, 2]
         if k < 5:
-            number, sense, cosine, sine = chain.axis_numbers[k], chain.senses[k], cos[k], sin[k]
+            number, sense = chain.axis_numbers[k], chain.senses[k]
+            _cos_and_sin(path[k], cosine, sine)
             for i in range(3):
                 first, second = R[i, (number + 1) % 3], R[i, (number + 2) % 3]
                 for n in range(count):
@@ -91,44 +110,35 @@ def _pose_path(
 @compiled
 def rate_paths(
     paths: Vector,
-    cos: Vector,
-    sin: Vector,
-    cost: Vector,
-    slack: Floats,
     chain: ArmChain,
     spheres: Spheres,
     grid: GridArrays,
     numbers: CostNumbers,
-) -> Numbers:
-    """Rates paths (K, 5, N) whose cost (K,) is NaN; see `TrajectoryCost`.
+) -> tuple[Vector, Floats]:
+    """Rates paths (K, 5, N); see `TrajectoryCost`.
 
-    The cost of a path that needs nodes which are not READY stays NaN. The inner loops run over the
-    N samples of a path and do little each, so that the compiler can vectorise them.
+    The inner loops run over the N samples of a path and do little each, so that the compiler can
+    vectorise them.
 
     Args:
         paths: Joint positions [rad].
-        cos: (K, 5, N) cosines of the joint positions.
-        sin: (K, 5, N) sines of the joint positions.
-        cost: (K,) filled in.
-        slack: (K,) filled in [m].
         chain: Of the arm.
         spheres: On its links.
         grid: Distances in T.
         numbers: Weights, limits, and references of the paths.
 
     Returns:
-        The nodes (M,) that must be measured.
+        Cost and slack [m] of each path, (K,).
     """
-    missing, found = np.empty(len(grid.state), np.int64), 0
+    cost, slack = np.empty(len(paths)), np.empty(len(paths), np.float32)
     samples, rows = paths.shape[2], chain.rows[5] + 1
-    weights, spans, state, table = numbers.weights, samples - 1.0, grid.state, grid.table
+    weights, spans, ready, table = numbers.weights, samples - 1.0, grid.ready, grid.table
     R, rotations = np.empty((3, 3, samples)), np.empty((rows, 3, 3, samples))
     positions, place = np.empty((rows, 3, samples)), np.empty(samples, np.float32)
     offs, node = np.empty((3, samples), np.float32), np.empty(samples, np.float32)
-    density, scale = np.float32(grid.density), np.float32(numbers.inverse_clearance)
+    index, missing = np.empty(samples, np.int64), np.empty(samples, np.int64)
+    density, scale = np.float32(1.0 / grid.spacing), np.float32(numbers.inverse_clearance)
     for k in range(len(paths)):
-        if not math.isnan(cost[k]):
-            continue
         reference = min(k, len(numbers.hand) - 1)
         effort, excess = 0.0, 0.0
         for joint in range(5):
@@ -142,13 +152,13 @@ def rate_paths(
                     strongest = max(strongest, abs(change))
             strongest = math.sqrt(strongest / numbers.acceleration[joint]) * spans
             excess = max(excess, fastest / numbers.velocity[joint] * spans, strongest)
-        _pose_path(cos[k], sin[k], chain, R, rotations, positions)
+        _pose_path(paths[k], chain, R, rotations, positions)
         deviation = 0.0
         for i in range(3):
             own, other = positions[rows - 1, i], numbers.hand[reference, i]
             for n in range(samples):
                 deviation += (own[n] - other[n]) ** 2
-        proximity, most, is_known = 0.0, -np.float32(np.inf), True
+        proximity, most = 0.0, -np.float32(np.inf)
         for s in range(len(spheres.link)):
             link, layer, radius = spheres.link[s], spheres.layers[s], spheres.radii[s]
             x, y, z = spheres.centers[s, 0], spheres.centers[s, 1], spheres.centers[s, 2]
@@ -170,14 +180,16 @@ def rate_paths(
                     node[n] = node[n] * nodes + nearest
             wanted, u, v, w = numbers.wanted[reference, s], offs[0], offs[1], offs[2]
             rows_of_layer = table[layer]
+            count = 0
             for n in range(samples):
-                number = np.int64(node[n])
-                if state[number] != READY:
-                    if state[number] == UNKNOWN:
-                        missing[found], state[number] = number, ASKED_FOR
-                        found += 1
-                    is_known = False
-                    continue
+                index[n] = number = int(node[n])
+                if not ready[number]:
+                    missing[count], ready[number] = number, True
+                    count += 1
+            if count:
+                make_ready(missing[:count], grid)
+            for n in range(samples):
+                number = index[n]
                 distance = rows_of_layer[number, 0] + rows_of_layer[number, 1] * u[n]
                 distance += rows_of_layer[number, 2] * v[n]
                 distance += rows_of_layer[number, 3] * w[n]
@@ -185,10 +197,9 @@ def rate_paths(
                 most = max(most, lack)
                 lack = max(lack, np.float32(0.0)) * scale
                 proximity += lack * lack
-        if is_known:
-            slack[k] = -most
-            cost[k] = weights[0] * proximity / samples + weights[1] * max(most, 0.0)
-            cost[k] += weights[2] * deviation / samples
-            cost[k] += weights[3] * effort * (spans / numbers.duration) ** 4 / samples
-            cost[k] += weights[4] * max(excess / numbers.duration - 1.0, 0.0)
-    return missing[:found]
+        slack[k] = -most
+        cost[k] = weights[0] * proximity / samples + weights[1] * max(most, 0.0)
+        cost[k] += weights[2] * deviation / samples
+        cost[k] += weights[3] * effort * (spans / numbers.duration) ** 4 / samples
+        cost[k] += weights[4] * max(excess / numbers.duration - 1.0, 0.0)
+    return cost, slack

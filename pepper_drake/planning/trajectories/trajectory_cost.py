@@ -111,24 +111,14 @@ class TrajectoryCost:
         checker, count = self._checker, len(paths)
         if len(self._numbers.hand) not in (1, count):
             raise ValueError(f"{count} paths cannot be rated against {len(self._numbers.hand)}")
-        cost, slack = np.full(count, np.nan), np.full(count, -np.inf, np.float32)
-        joints = np.ascontiguousarray(paths.swapaxes(1, 2))
-        cos, sin = np.cos(joints), np.sin(joints)  # Vectorised, unlike in compiled code.
-        while True:
-            missing = rate_paths(
-                joints,
-                cos,
-                sin,
-                cost,
-                slack,
-                checker.kinematics.chain,
-                checker.moving,
-                checker.grid.arrays,
-                self._numbers,
-            )
-            if not len(missing):
-                return TrajectoryRating(cost, slack.astype(float))
-            checker.grid.make_ready(missing)
+        cost, slack = rate_paths(
+            np.ascontiguousarray(paths.swapaxes(1, 2)),
+            checker.kinematics.chain,
+            checker.moving,
+            checker.grid.arrays,
+            self._numbers,
+        )
+        return TrajectoryRating(cost, slack.astype(float))
 
 
 def wanted_clearance(

@@ -10,7 +10,6 @@ from pepper_drake.planning.collision.arm_collision_checker import (
     GRID_CAP,
     ArmCollisionChecker,
     BodyShapes,
-    arm_region,
     sample_body,
 )
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
@@ -32,7 +31,8 @@ def kinematics():
 
 
 def around(kinematics, field, *, X_FT=None, object_field=NOTHING, X_TO=None, body=None):
-    layer = np.full(np.prod(arm_region("right").counts), GRID_CAP) if body is None else body
+    body = SolidSet([]) if body is None else body
+    layer = sample_body("right", body, 0.01)
     return ArmCollisionChecker(
         SHAPES,
         field,
@@ -41,7 +41,6 @@ def around(kinematics, field, *, X_FT=None, object_field=NOTHING, X_TO=None, bod
         X_TO=RigidTransform() if X_TO is None else X_TO,
         body=lambda: SolidSet([]),
         body_layer=lambda: layer,
-        body_allowance=0.01,
     )
 
 
@@ -111,14 +110,10 @@ def test_the_goal_object_is_apart_from_what_was_seen_and_in_the_grid(kinematics)
 def test_only_forearm_and_hand_see_the_body(kinematics):
     hand = kinematics.hand_pose(JOINTS[0]).translation()
     body = SolidSet([Solid(Sphere(0.05), RigidTransform(hand))])
-    gaps = around(kinematics, NOTHING, body=sample_body("right", body)).approximate_distances(
-        JOINTS[:1]
-    )
+    gaps = around(kinematics, NOTHING, body=body).approximate_distances(JOINTS[:1])
     assert gaps.min() < 0.0
     elbow = SolidSet([Solid(Sphere(0.02), RigidTransform(elbow_of(kinematics)))])
-    sphere = around(kinematics, NOTHING, body=sample_body("right", elbow)).approximate_distances(
-        JOINTS[:1]
-    )
+    sphere = around(kinematics, NOTHING, body=elbow).approximate_distances(JOINTS[:1])
     first = kinematics.spheres.radii[np.flatnonzero(kinematics.spheres.link == 1)[0]]
     assert sphere[0, 0] == pytest.approx(GRID_CAP - first, abs=1e-6)
 
@@ -169,8 +164,7 @@ def test_self_distances_are_those_of_forearm_and_hand_to_the_body():
         goal_object=NOTHING,
         X_TO=RigidTransform(),
         body=lambda: SolidSet(solids),
-        body_layer=lambda: np.zeros(0),
-        body_allowance=0.0,
+        body_layer=lambda: np.zeros(0, np.float32),
     )
     spheres = SHAPES.kinematics.spheres
     moving = [k for k, link in enumerate(spheres.link) if spheres.link_names[link] != "RBicep"]

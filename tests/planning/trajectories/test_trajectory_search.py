@@ -58,8 +58,8 @@ START, GOAL = np.array([1.3, -0.2, 1.2, 0.6, 0.0]), np.array([0.6, -0.5, 1.0, 1.
 
 
 def checker_among(points):
-    layer = np.full(np.prod(arm_region("right").counts), GRID_CAP)
-    layer[:2000] = 0.02
+    layer = np.full(np.prod(arm_region("right").counts), GRID_CAP, np.float32)
+    layer[:2000] = 0.03
     return ArmCollisionChecker(
         ExactDistance(MODEL, arm_kinematics(MODEL, "right")),
         PointCloudDistance(points),
@@ -68,7 +68,6 @@ def checker_among(points):
         X_TO=RigidTransform(),
         body=lambda: SolidSet([]),
         body_layer=lambda: layer,
-        body_allowance=0.01,
     )
 
 
