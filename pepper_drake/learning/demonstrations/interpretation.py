@@ -251,7 +251,10 @@ def _with_times(track: Track, options: ImportOptions, notes: list[str]) -> Track
         raise InputError(f"{track.path}: {track.num_samples} samples; a motion needs at least 4")
     if times is None:
         if options.rate is None:
-            raise InputError(f"{track.path}: no times in it; say the samples a second (--rate HZ)")
+            raise InputError(
+                f"{track.path}: no times in it; name their column time, or say the samples a second"
+                " (--rate HZ)"
+            )
         return replace(track, times=np.arange(track.num_samples) / options.rate, time_unit="s")
     if options.rate is not None:
         notes.append(f"times are those of {options.rate:g} samples a second, as given")

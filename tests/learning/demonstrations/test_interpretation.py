@@ -53,6 +53,8 @@ def lined(first, *columns, header=""):
 CSV = table(T, P, header=XYZ)
 ANGLES = np.unwrap(so3.to_angles(Q), axis=0)
 MATRICES = Rotation.from_quat(xyzw(MOTION)).as_matrix()
+POSES = np.tile(np.eye(4), (len(T), 1, 1))
+POSES[:, :3, :3], POSES[:, :3, 3] = MATRICES, P
 
 READ = {
     "UTF-16": (recoded(CSV, "utf-16"), {}),
@@ -80,6 +82,11 @@ READ = {
         rows(np.concatenate((MATRICES, P[:, :, None]), axis=2).reshape(len(T), 12)),
         {"rate": 50.0},
     ),
+    "matrices column by column, as Franka's O_T_EE": (
+        rows(T, POSES.swapaxes(1, 2).reshape(len(T), 16)),
+        {},
+    ),
+    "times of a trajectory": (table(T, J, header=JOINTS.replace("time", "time_from_start")), {}),
     "what was commanded beside what was measured": (
         table(
             T,
@@ -234,6 +241,7 @@ REFUSED = {
     "four samples lost": (rows(T, hurt(P, slice(50, 54), 0.0)), r"line 51: .*\(4 such\)"),
     "an outlier": (rows(T, hurt(P, 50, P[50] + 0.1)), "line 51: an outlier.*--drop-outliers"),
     "a jump": (rows(T, hurt(P, slice(50, None), P[50:] + 0.2)), "line 51: a jump of 35 cm"),
+    "a name for the time that is not known": (CSV.replace("time", "Zeit"), "name their column"),
     "an order that is not said": (
         table(T, P + [0.3, 0.5, 0.2], xyzw(MOTION), separator=" "),
         "--quaternion wxyz or --quaternion xyzw",
