@@ -92,6 +92,9 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     placed = _Placed(positions, rates[0], rates[1], rotations)
     if track.positions is not None:
         placed = _in_torso(placed, track, options, notes)
+    if options.drop_outliers:
+        placed, joints, track = _without_outliers(placed, joints, track, notes)
+    assert track.times is not None
     where = track.where
     notes += _taken_as(track, options)
     unit_known = (options.unit or track.unit) is not None
@@ -102,10 +105,6 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
         refuse_rest(placed.positions, placed.rotations, where)
     if options.time is None and track.time_unit is None:
         refuse_time(track.times, placed.positions, where)
-    if options.drop_outliers:
-        placed, joints, track = _without_outliers(placed, joints, track, notes)
-        where = track.where
-    assert track.times is not None
     refuse_jumps(track.times, placed.positions, where)
     try:
         demonstration = Demonstration.from_positions(

@@ -53,6 +53,8 @@ def lined(first, *columns, header=""):
 CSV = table(T, P, header=XYZ)
 ANGLES = np.unwrap(so3.to_angles(Q), axis=0)
 MATRICES = Rotation.from_quat(xyzw(MOTION)).as_matrix()
+LOST = so3.multiply(so3.exp_map(np.array([[0.0, 0.5, 0.0]])), Q[30:31])
+"""An orientation half a radian away: 25 rad/s, which a hand can turn at, but not from rest."""
 POSES = np.tile(np.eye(4), (len(T), 1, 1))
 POSES[:, :3, :3], POSES[:, :3, 3] = MATRICES, P
 
@@ -87,6 +89,10 @@ READ = {
         {},
     ),
     "times of a trajectory": (table(T, J, header=JOINTS.replace("time", "time_from_start")), {}),
+    "numbers for what was not measured, to be left out": (
+        rows(T, hurt(P, slice(50, 53), 9999.0)),
+        {"drop_outliers": True},
+    ),
     "what was commanded beside what was measured": (
         table(
             T,
@@ -241,6 +247,27 @@ REFUSED = {
     "four samples lost": (rows(T, hurt(P, slice(50, 54), 0.0)), r"line 51: .*\(4 such\)"),
     "an outlier": (rows(T, hurt(P, 50, P[50] + 0.1)), "line 51: an outlier.*--drop-outliers"),
     "a jump": (rows(T, hurt(P, slice(50, None), P[50:] + 0.2)), "line 51: a jump of 35 cm"),
+    "zeros until the tracker found it": (
+        rows(T, hurt(P, slice(12), 0.0)),
+        "line 1: .*0 0 0.*12 such",
+    ),
+    "a number for what was not measured": (
+        rows(T, hurt(P, slice(50, 54), 9999.0)),
+        "line 51: .* all but 4 samples are within 2 m.*--drop-outliers",
+    ),
+    "a first sample of the last take": (rows(T, hurt(P, 0, P[0] + 0.04)), "line 2: a jump of 7 cm"),
+    "two samples of the last take": (
+        rows(T, hurt(P, slice(2), P[:2] + 0.04)),
+        "line 3: a jump of 7 cm",
+    ),
+    "a last number that is cut off": (
+        rows(T, hurt(P, (-1, 2), P[-1, 2] + 0.04)),
+        "line 101: a jump of 4 cm",
+    ),
+    "orientations of another take": (
+        table(T, P, hurt(Q, slice(30, 33), LOST), header=f"{XYZ},qw,qx,qy,qz"),
+        "line 32: the hand turns by .* tracker lost",
+    ),
     "a name for the time that is not known": (CSV.replace("time", "Zeit"), "name their column"),
     "an order that is not said": (
         table(T, P + [0.3, 0.5, 0.2], xyzw(MOTION), separator=" "),
@@ -312,6 +339,11 @@ def folder(path, positions=P, angles=None, joints=J):
     if joints is not None:
         write(path / "joints.csv", table(T, joints, header=JOINTS))
     return path
+
+
+def test_a_sensor_slower_than_the_log_does_not_jump(tmp_path):
+    held = P[(np.arange(len(T)) // 5) * 5]
+    assert len(Demonstration.load(write(tmp_path / "held.txt", rows(0.4 * T, held))).times)
 
 
 def test_hand_and_joints_that_disagree_are_refused(tmp_path):
