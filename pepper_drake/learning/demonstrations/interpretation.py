@@ -166,12 +166,19 @@ def interpret_joints(track: Track, options: ImportOptions) -> JointRecording:
     unit = options.angle or track.joint_unit or "rad"
     joints = track.joints[:, kept] * ANGLES[unit]
     names = tuple(str(found[k]) for k in kept)
-    if len(set(names)) < len(names):
-        raise InputError(f"{track.path}: a joint has two columns ({', '.join(names)[:80]})")
+    _refuse_repeated(track, names)
     if options.clip_joints:
         joints = arms.clip_to_limits(joints, names, notes)
     refuse_limits(joints, names, track.where)
     return JointRecording(track.name, track.times, joints, names, tuple(notes))
+
+
+def _refuse_repeated(track: Track, names: Sequence[str | None]) -> None:
+    """Refuses a joint with two columns: which of them is meant is not known."""
+    known = [name for name in names if name is not None]
+    twice = next((name for name in known if known.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"{track.path}: {twice} has two columns; leave out one")
 
 
 @dataclass(frozen=True)
@@ -366,6 +373,7 @@ def _joints(
     if track.joints is None:
         return options.arm, None, ()
     names = [joint_of(name) for name in track.joint_names]
+    _refuse_repeated(track, names)
     whole = [arm for arm in ARMS if set(arm_chain(arm).joint_names) <= set(names)]
     if options.arm is not None and whole and options.arm not in whole:
         raise InputError(

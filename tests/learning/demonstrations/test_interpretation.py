@@ -269,6 +269,7 @@ REFUSED = {
         "line 32: the hand turns by .* tracker lost",
     ),
     "a name for the time that is not known": (CSV.replace("time", "Zeit"), "name their column"),
+    "a page in place of the file": ("\n\n<!doctype html>\n<html>", "a web page in place"),
     "an order that is not said": (
         table(T, P + [0.3, 0.5, 0.2], xyzw(MOTION), separator=" "),
         "--quaternion wxyz or --quaternion xyzw",
@@ -339,6 +340,19 @@ def folder(path, positions=P, angles=None, joints=J):
     if joints is not None:
         write(path / "joints.csv", table(T, joints, header=JOINTS))
     return path
+
+
+def test_a_folder_with_other_separators_is_told_which_it_takes(tmp_path):
+    for separator in (",", ";"):
+        write(tmp_path / "translation.txt", table(T, P, separator=separator))
+        with pytest.raises(InputError, match=r"line 1: 1 columns .*separate them by spaces"):
+            Demonstration.load(tmp_path)
+
+
+def test_a_joint_with_two_columns_in_a_folder_is_refused(tmp_path):
+    write(tmp_path / "joints.csv", table(T, J, J[:, 0] + 0.1, header=f"{JOINTS},RShoulderPitch"))
+    with pytest.raises(InputError, match=r"RShoulderPitch has two columns"):
+        Demonstration.load(tmp_path)
 
 
 def test_a_sensor_slower_than_the_log_does_not_jump(tmp_path):
