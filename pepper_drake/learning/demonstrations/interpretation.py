@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError
+from pepper_drake.errors import InputError, one_line
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations import arm_chain as arms
 from pepper_drake.learning.demonstrations.arm_chain import ARMS, arm_chain, joint_limits, rotate
@@ -115,7 +115,7 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
             rotations=placed.rotations,
             joints=joints,
             joint_names=names,
-            name=track.name,
+            name=one_line(track.name),
         )
     except InputError as error:
         raise InputError(f"{track.path}: {error}") from None
@@ -170,7 +170,7 @@ def interpret_joints(track: Track, options: ImportOptions) -> JointRecording:
     if options.clip_joints:
         joints = arms.clip_to_limits(joints, names, notes)
     refuse_limits(joints, names, track.where)
-    return JointRecording(track.name, track.times, joints, names, tuple(notes))
+    return JointRecording(one_line(track.name), track.times, joints, names, tuple(notes))
 
 
 def _refuse_repeated(track: Track, names: Sequence[str | None]) -> None:

@@ -355,6 +355,13 @@ def test_a_joint_with_two_columns_in_a_folder_is_refused(tmp_path):
         Demonstration.load(tmp_path)
 
 
+def test_a_name_that_no_figure_can_draw_is_shown_by_its_codes(tmp_path):
+    path = write(tmp_path / "\udcdcbung\n1.csv", CSV)
+    assert Demonstration.load(path).name == r"\udcdcbung\n1"
+    path = write(tmp_path / "\udcdc.csv", table(T, J, header=JOINTS))
+    assert read_joint_recording(path).name == r"\udcdc"
+
+
 def test_a_sensor_slower_than_the_log_does_not_jump(tmp_path):
     held = P[(np.arange(len(T)) // 5) * 5]
     assert len(Demonstration.load(write(tmp_path / "held.txt", rows(0.4 * T, held))).times)
