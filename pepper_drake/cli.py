@@ -2,7 +2,9 @@
 
 import argparse
 import contextlib
+import errno
 import importlib.util
+import io
 import logging
 import os
 import re
@@ -10,6 +12,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
@@ -27,6 +30,8 @@ EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 """Ctrl-C or SIGTERM ended the app before it was done; what it had done is kept."""
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+"""What writing to a full or broken disk, to which the output is redirected, fails with."""
 _IMPORTING = 0.02
 """Delay after which an interrupt that came during an import is sent again [s]."""
 
@@ -167,7 +172,9 @@ def run(main: Callable[[], int]) -> None:
             signal.signal(signal.SIGINT, _interrupt)
         quiet_resource_tracker()
         limit_linear_algebra()
+        _open_streams()
         code = main()
+        sys.stdout.flush()
     except InputError as error:
         print(f"error: {as_run(str(error))}", file=sys.stderr)
         code = EXIT_BAD_INPUT
@@ -178,12 +185,41 @@ def run(main: Callable[[], int]) -> None:
         print(f"error: {as_run(str(error))}", file=sys.stderr)
         code = EXIT_FAILED
     except BrokenPipeError:  # The reader of the output, such as `head`, has gone.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _print_to_nowhere()
         code = EXIT_DONE
+    except OSError as error:
+        if error.filename is not None or error.errno not in _FULL:
+            raise
+        print(f"error: what is printed cannot be written ({error.strerror})", file=sys.stderr)
+        _print_to_nowhere()
+        code = EXIT_BAD_INPUT
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         code = EXIT_INTERRUPTED
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Opens streams that are closed (`>&-`, a daemon), and lets them print any name.
+
+    The next file that is opened would be in the place of a closed one, and what libraries print in
+    it. What the terminal has no character for, as in a file's name, is shown by its code.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_RDWR)  # The lowest number that is free: this one.
+            setattr(sys, name, os.fdopen(nowhere, "w" if number else "r", closefd=False))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+    warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # In a figure: a box.
+
+
+def _print_to_nowhere() -> None:
+    """Drops what is still to be printed: Python would try once more at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
@@ -235,7 +271,8 @@ def quiet_libraries() -> None:
     terminal = os.dup(1)
     with open(os.devnull, "w") as nowhere:
         os.dup2(nowhere.fileno(), 1)
-    sys.stdout = os.fdopen(terminal, "w", buffering=1)
+    encoding, errors = sys.stdout.encoding, sys.stdout.errors
+    sys.stdout = os.fdopen(terminal, "w", buffering=1, encoding=encoding, errors=errors)
 
 
 @contextlib.contextmanager

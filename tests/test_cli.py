@@ -110,3 +110,39 @@ cli.run(main)
     assert ran.returncode == -9
     assert ran.stderr == ""
     assert not (Path("/dev/shm") / ran.stdout.strip().lstrip("/")).exists()
+
+
+def run_in_shell(body, redirection="", encoding="utf-8"):
+    code = f"from pepper_drake import cli\ndef main():\n    {body}\n    return 0\ncli.run(main)\n"
+    return subprocess.run(
+        ["bash", "-c", f'"$0" -c "$1" {redirection}', sys.executable, code],
+        capture_output=True,
+        timeout=60,
+        env={
+            "PATH": "/usr/bin:/bin",
+            "PYTHONPATH": ":".join(sys.path),
+            "PYTHONIOENCODING": encoding,
+        },
+    )
+
+
+def test_output_to_a_full_disk_is_one_line():
+    for body in ("print(1)", "print('x' * 100000)", "cli.quiet_libraries(); print(1)"):
+        ran = run_in_shell(body, ">/dev/full")
+        assert ran.returncode == cli.EXIT_BAD_INPUT
+        assert ran.stderr.decode() == (
+            "error: what is printed cannot be written (No space left on device)\n"
+        )
+
+
+def test_closed_streams_keep_files_from_their_places():
+    body = "cli.quiet_libraries(); print(1); assert open('/dev/null').fileno() > 2"
+    for redirection in (">&-", "<&- >&-", "<&- >&- 2>&-"):
+        ran = run_in_shell(body, redirection)
+        assert (ran.returncode, ran.stdout, ran.stderr) == (0, b"", b"")
+
+
+def test_a_name_without_characters_in_the_terminal_is_printed_by_its_codes():
+    for body in ("print('a \\u2013 b')", "cli.quiet_libraries(); print('a \\u2013 b')"):
+        ran = run_in_shell(body, encoding="latin-1")
+        assert (ran.returncode, ran.stdout) == (0, b"a \\u2013 b\n")
