@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from pepper_drake.errors import InputError
 from pepper_drake.files import path_inside
-from pepper_drake.models.motion import FARTHEST, check_path, path_trajectory
+from pepper_drake.models.motion import FARTHEST, check_angles, check_path, path_trajectory
 from pepper_drake.models.pepper import (
     ARMS,
     MODELS_DIR,
@@ -32,6 +32,8 @@ COUPLINGS = ("barrier", "report")
 
 _SMALLEST = 1e-4
 _MOST_OBSTACLES = 200
+_WIDEST_MESH = 10.0
+"""Largest side of a mesh [m]; drawing programs write millimetres."""
 
 _SIZES = {
     "box": "x, y and z lengths",
@@ -353,6 +355,11 @@ def _check_vector(value: Sequence[float], length: int, name: str, what: str) -> 
         raise InputError(f"{name} must hold numbers of at most {FARTHEST:g}")
 
 
+def _check_rpy(rpy: Sequence[float], name: str) -> None:
+    _check_vector(rpy, 3, name, "roll, pitch, yaw")
+    check_angles(rpy, name)
+
+
 def _check_color(color: Sequence[float], name: str) -> None:
     _check_vector(color, 4, name, "red, green, blue and alpha")
     if min(color) < 0.0 or max(color) > 1.0:
@@ -360,9 +367,10 @@ def _check_color(color: Sequence[float], name: str) -> None:
 
 
 def _check_robot(robot: RobotStart) -> None:
-    numbers = [robot.x, robot.y, robot.yaw, *robot.joints.values()]
-    if not np.all(np.abs(numbers) <= FARTHEST):
+    if not np.all(np.abs([robot.x, robot.y]) <= FARTHEST):
         raise InputError(f"robot must hold finite numbers of at most {FARTHEST:g}")
+    check_angles([robot.yaw], "robot.yaw")
+    check_angles(robot.joints.values(), "robot.joints")
     if robot.posture not in POSTURES:
         raise InputError(
             f'robot.posture is "{robot.posture}"; it must be one of {", ".join(POSTURES)}'
@@ -382,13 +390,12 @@ def _check_goal(goal: GoalObject) -> None:
             )
     if goal.position[2] < 0.0:
         raise InputError(f"goal.position is {-goal.position[2]:g} m below the floor; raise it")
-    if not abs(goal.yaw) <= FARTHEST:
-        raise InputError(f"goal.yaw must be a finite number of at most {FARTHEST:g}")
+    check_angles([goal.yaw], "goal.yaw")
     _check_color(goal.color, "goal.color")
     _check_marker(goal.marker, "goal.marker")
     if goal.pre_grasp.position or goal.pre_grasp.rpy:
         _check_vector(goal.pre_grasp.position, 3, "goal.pre_grasp.position", "x, y, z")
-        _check_vector(goal.pre_grasp.rpy, 3, "goal.pre_grasp.rpy", "roll, pitch, yaw")
+        _check_rpy(goal.pre_grasp.rpy, "goal.pre_grasp.rpy")
     _check_vector(goal.pre_grasp.axis, 3, "goal.pre_grasp.axis", "an axis of the hand")
     if np.linalg.norm(goal.pre_grasp.axis) < 1e-3:
         raise InputError("goal.pre_grasp.axis has no length; give a direction such as [0, 0, -1]")
@@ -407,7 +414,7 @@ def _check_marker(marker: Marker | HandMarker, name: str) -> None:
         raise InputError(f"{name}.size is {marker.size:g} m; it must be 0.005 to 0.5")
     where = "the object's frame" if isinstance(marker, Marker) else "the hand's frame"
     _check_vector(marker.position, 3, f"{name}.position", f"x, y, z in {where}")
-    _check_vector(marker.rpy, 3, f"{name}.rpy", "roll, pitch, yaw")
+    _check_rpy(marker.rpy, f"{name}.rpy")
 
 
 def _check_obstacle(obstacle: Obstacle, field_name: str) -> None:
@@ -434,8 +441,16 @@ def _check_obstacle(obstacle: Obstacle, field_name: str) -> None:
         try:
             mesh_path(obstacle.mesh)
         except InputError as error:
-            raise InputError(f"{field_name}.{error}") from None
+            name = "" if str(error).startswith("mesh ") else "mesh: "
+            raise InputError(f"{field_name}.{name}{error}") from None
+        hull = convex_hull(obstacle.mesh, obstacle.size[0]).GetConvexHull()
+        width = float(hull.CalcBoundingBox()[1].max())
+        if width > _WIDEST_MESH:
+            raise InputError(
+                f"{field_name}.size makes the mesh {width:g} m wide; is it in millimetres (size:"
+                " [0.001])?"
+            )
     _check_vector(obstacle.position, 3, f"{field_name}.position", "x, y, z of its centre")
-    _check_vector(obstacle.rpy, 3, f"{field_name}.rpy", "roll, pitch, yaw")
+    _check_rpy(obstacle.rpy, f"{field_name}.rpy")
     _check_color(obstacle.color, f"{field_name}.color")
     check_path(obstacle.path, f"{field_name}.path")
