@@ -15,7 +15,20 @@ _POSITIVE = (
     "controller.target_time_constant",
     "controller.time_step",
     "controller.tracking_rate",
+    "perception.image_poll_period",
     "perception.marker.edges.blurred_growth",
+    *(
+        f"perception.{camera}.{name}"
+        for camera in ("obstacles", "stereo_obstacles")
+        for name in (
+            "approach.spacing",
+            "cloud.largest_spacing",
+            "cloud.stride",
+            "memory.voxel_size",
+            "near_field.least_rays",
+            "near_field.spacing",
+        )
+    ),
     *(
         f"perception.{camera}.{views}.most_views"
         for camera in ("obstacles", "stereo_obstacles")
@@ -47,6 +60,10 @@ _POSITIVE = (
     "safety.lean.acceleration",
     "safety.lean.speed",
     "safety.lean.tolerance",
+    "safety.time_step",
+    "station.camera_period",
+    "station.command_period",
+    "station.time_step",
     "supervisor.separation.deceleration",
     "supervisor.separation.slowing",
     "supervisor.time_step",
@@ -60,6 +77,7 @@ _FRACTIONS = (
 )
 """Fields that must be at least 0 and below 1."""
 _LEAST = {
+    "seed": 0,
     "contact.steps": 1,
     "perception.obstacles.holes.side_rows": 1,
     "perception.stereo_obstacles.holes.side_rows": 1,
@@ -72,6 +90,9 @@ _LEAST = {
     "planner.retreat.lost": 0,
     "planner.settle": 0,
     "planner.solid_depth": 0,
+    "station.camera_latency": 0,
+    "station.derivative_gain": 0,
+    "station.proportional_gain": 0,
     "planner.support_surface.rim": 0,
     "supervisor.latency.base_placement": 0,
     "supervisor.latency.check": 0,
