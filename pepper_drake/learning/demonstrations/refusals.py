@@ -54,6 +54,9 @@ LIMIT_SLACK = 0.06
 HAND_DISTANCE, HAND_TURN = 0.03, 0.2
 """Largest median difference of the hand's pose from forward kinematics [m, rad]."""
 
+_ASIDE = 0.1
+"""A hand that is on average this far to one side [m] is of the arm on that side."""
+
 _UP = np.array([0.0, 0.0, 0.82])
 """Position of the torso above the floor [m]."""
 
@@ -405,13 +408,21 @@ def refuse_unlike(demonstrations: "list[Demonstration]") -> None:
 
     Sizes and durations may differ by a factor of 10. The displacements from the start, over
     relative time, must agree in direction: their normalised correlation with the mean of the
-    others' is at least 0.3.
+    others' is at least 0.3. They must be on the same side of the torso.
 
     Raises:
         InputError: Naming the one that is unlike the others.
     """
     if len(demonstrations) < 2:
         return
+    sides = [_side(demo) for demo in demonstrations]
+    first = next((side for side in sides if side), "")
+    for demo, side in zip(demonstrations, sides, strict=True):
+        if side not in ("", first):
+            raise InputError(
+                f"{demo.name}: it is a motion of the {side} arm, and another demonstration one of"
+                f" the {first}: their mean is neither; learn each by itself"
+            )
     share = np.linspace(0.0, 1.0, 60)
     paths = []
     for demo in demonstrations:
@@ -444,6 +455,13 @@ def refuse_unlike(demonstrations: "list[Demonstration]") -> None:
                 f"{demonstrations[k].name}: it moves differently from the other demonstrations"
                 f" (correlation {likeness:.2f}): they are not alike; learn it by itself"
             )
+
+
+def _side(demonstration: "Demonstration") -> str:
+    """Returns the arm of a demonstration, by its joints or its side of the torso, "" if unsure."""
+    arm = arm_of(demonstration.joint_names)
+    aside = float(demonstration.positions[:, 1].mean())
+    return arm or ("" if abs(aside) < _ASIDE else "left" if aside > 0.0 else "right")
 
 
 def turn_between(one: Array, other: Array) -> float:
