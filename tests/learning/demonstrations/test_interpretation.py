@@ -14,6 +14,7 @@ from pepper_drake.learning.demonstrations.demonstration_files import (
     read_demonstrations,
     read_joint_recording,
 )
+from pepper_drake.learning.demonstrations.demonstration_folder import load_all
 
 from .importers.recordings import NAMES, make_motion, table, turn, write, xyzw
 
@@ -347,6 +348,13 @@ def test_a_folder_with_other_separators_is_told_which_it_takes(tmp_path):
         write(tmp_path / "translation.txt", table(T, P, separator=separator))
         with pytest.raises(InputError, match=r"line 1: 1 columns .*separate them by spaces"):
             Demonstration.load(tmp_path)
+
+
+def test_a_folder_without_permission_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda path, mode: False)  # Root may read any.
+    for read in (Demonstration.load, lambda path: load_all([path])):
+        with pytest.raises(InputError, match=rf"{tmp_path}: cannot be read .*permissions"):
+            read(tmp_path)
 
 
 def test_a_joint_with_two_columns_in_a_folder_is_refused(tmp_path):
