@@ -15,7 +15,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import NoReturn
 
 from threadpoolctl import threadpool_limits
@@ -168,8 +168,7 @@ def run(main: Callable[[], int]) -> None:
     """
     try:
         signal.signal(signal.SIGTERM, _interrupt)
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, _interrupt)
+        _take_interrupts()
         quiet_resource_tracker()
         limit_linear_algebra()
         _open_streams()
@@ -187,6 +186,11 @@ def run(main: Callable[[], int]) -> None:
     except BrokenPipeError:  # The reader of the output, such as `head`, has gone.
         _print_to_nowhere()
         code = EXIT_DONE
+    except PermissionError as error:
+        if error.filename is None:
+            raise
+        print(f"error: {one_line(f'{error.filename}: {error.strerror}')}", file=sys.stderr)
+        code = EXIT_BAD_INPUT
     except OSError as error:
         if error.filename is not None or error.errno not in _FULL:
             raise
@@ -235,6 +239,23 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
             return
         frame = frame.f_back
     raise KeyboardInterrupt
+
+
+def _take_interrupts() -> None:
+    """Makes Ctrl-C one line from now on, also while an app still imports what it needs."""
+    is_main = threading.current_thread() is threading.main_thread()
+    if is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
+
+
+def _show_uncaught(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
+    """Shows an exception that ends the program; Ctrl-C before `run` as it is shown in it."""
+    if issubclass(kind, KeyboardInterrupt):
+        print("interrupted", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, trace)
 
 
 def limit_linear_algebra() -> None:
@@ -304,3 +325,9 @@ def wait_for_interrupt(message: str) -> None:
     with contextlib.suppress(KeyboardInterrupt):
         while True:
             time.sleep(1)
+
+
+# Imports take seconds, in which a user may find a mistake in the line just typed.
+if sys.excepthook is sys.__excepthook__:
+    sys.excepthook = _show_uncaught
+    _take_interrupts()

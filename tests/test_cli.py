@@ -53,6 +53,11 @@ def test_every_app_has_an_output_folder_a_seed_and_quiet():
         (PepperDrakeError("it broke"), cli.EXIT_FAILED, "error: it broke\n"),
         (StoppedError("nothing was kept"), 130, "interrupted: nothing was kept\n"),
         (KeyboardInterrupt(), 130, "interrupted\n"),
+        (
+            PermissionError(13, "Permission denied", "a\nb"),
+            cli.EXIT_BAD_INPUT,
+            "error: a\\nb: Permission denied\n",
+        ),
     ],
 )
 def test_errors_become_a_line_and_a_code(error, code, line, capsys):
@@ -146,3 +151,10 @@ def test_a_name_without_characters_in_the_terminal_is_printed_by_its_codes():
     for body in ("print('a \\u2013 b')", "cli.quiet_libraries(); print('a \\u2013 b')"):
         ran = run_in_shell(body, encoding="latin-1")
         assert (ran.returncode, ran.stdout) == (0, b"a \\u2013 b\n")
+
+
+def test_an_interrupt_while_an_app_imports_is_one_line():
+    code = "from pepper_drake import cli\nimport signal\nsignal.raise_signal(signal.SIGINT)\n"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert ran.stderr == "interrupted\n"
+    assert ran.returncode != 0
