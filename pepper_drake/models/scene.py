@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,15 @@ from pepper_drake.models.pepper import (
     mirror_joint_positions,
     posture_positions,
 )
-from pepper_drake.models.shapes import PlacedShape, convex_hull, distances, mesh_path, overlaps
+from pepper_drake.models.shapes import (
+    PlacedShape,
+    convex_hull,
+    distances,
+    mesh_path,
+    overlaps,
+    pepper_shapes,
+    position_limits,
+)
 from pepper_drake.models.typed_yaml import line_of_field, load_yaml, save_yaml
 from pepper_drake.short_repr import short_repr, short_signature
 
@@ -32,6 +40,10 @@ COUPLINGS = ("barrier", "report")
 
 _SMALLEST = 1e-4
 _MOST_OBSTACLES = 200
+_ROBOT_OVERLAP = 0.005
+"""Depth in Pepper's shapes, which are larger than its body, that still counts as beside it [m]."""
+_LIMIT_SLACK = 0.01
+"""Tolerance of a posture beyond the joints' limits [rad]: an elbow is never quite straight."""
 _WIDEST_MESH = 10.0
 """Largest side of a mesh [m]; drawing programs write millimetres."""
 
@@ -227,9 +239,28 @@ class Scene:
                     f'goal.position puts the goal object inside the obstacle "{obstacle_name}"; '
                     "move one of them"
                 )
+        self._check_robot_is_free()
         for index, obstacle in enumerate(self.obstacles):
             if obstacle.path:
                 self._check_path_is_free(obstacle, f"obstacles[{index}].path")
+
+    def _check_robot_is_free(self) -> None:
+        """Raises InputError if Pepper would start inside the goal object or an obstacle."""
+        solids = self.solids()
+        names = ["goal.position", *(f"obstacles[{k}].position" for k in range(len(self.obstacles)))]
+        fields = {solid.name: name for solid, name in zip(solids, names, strict=True)}
+        robot = [
+            replace(shape, name=f"Pepper's {shape.name}")
+            for shape in pepper_shapes(self.robot.positions())
+        ]
+        for pair in overlaps([*solids, *robot], _ROBOT_OVERLAP):
+            inside = [name for name in pair if name in fields]
+            if len(inside) == 1:
+                other = pair[1 - pair.index(inside[0])]
+                raise InputError(
+                    f"{fields[inside[0]]} puts {inside[0]} inside {other} at the start; move one of"
+                    " them"
+                )
 
     def _check_path_is_free(self, obstacle: Obstacle, field_name: str) -> None:
         """Raises InputError if an obstacle's path collides with a static object."""
@@ -379,6 +410,12 @@ def _check_robot(robot: RobotStart) -> None:
         robot.positions()
     except InputError as error:
         raise InputError(f"robot.{error}") from None
+    for name, value in robot.joints.items():
+        lower, upper = position_limits(name)
+        if not lower - _LIMIT_SLACK <= value <= upper + _LIMIT_SLACK:
+            raise InputError(
+                f"robot.joints has {name} at {value:g}, beyond its limits, {lower:g} to {upper:g}"
+            )
 
 
 def _check_goal(goal: GoalObject) -> None:
