@@ -4,6 +4,7 @@ from operator import attrgetter
 from typing import Any
 
 from pepper_drake.errors import InputError
+from pepper_drake.models.pepper import JOINT_GROUPS
 
 _POSITIVE = (
     "compliance.stiffness",
@@ -126,6 +127,13 @@ def check_ranges(scenario: Any) -> None:
         value = attrgetter(name)(scenario)
         if not 0.0 <= value < 1.0:
             raise InputError(f"{name} is {value:g}; it must be at least 0 and below 1")
+    for group, value in scenario.station.stiffness.items():
+        if group not in JOINT_GROUPS:
+            raise InputError(
+                f'station.stiffness names "{group}"; the joint groups are {", ".join(JOINT_GROUPS)}'
+            )
+        if not 0.0 <= value <= 1.0:
+            raise InputError(f"station.stiffness of {group} is {value:g}; it must be from 0 to 1")
     stiffness = scenario.compliance.stiffness
     if stiffness > 1.0:
         raise InputError(f"compliance.stiffness is {stiffness:g}; it must be above 0 and at most 1")

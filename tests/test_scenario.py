@@ -197,6 +197,8 @@ def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
         ("compliance.stiffness=-3", "must be positive"),
         ("seed=-1", "seed is -1; it must be 0 or more"),
         ("station.time_step=-1", "must be positive"),
+        ("station.stiffness={left_arm: -1}", "stiffness of left_arm is -1; it must be from 0"),
+        ("station.stiffness={LArm: 0.5}", 'names "LArm"; the joint groups are base, body, head'),
         ("station.command_period=0", "must be positive"),
         ("station.camera_period=0", "must be positive"),
         ("station.camera_latency=-1", "must be 0 or more"),
