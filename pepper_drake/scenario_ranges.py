@@ -58,6 +58,11 @@ _POSITIVE = (
             "unseen.stride",
         )
     ),
+    *(
+        f"safety.{base}.{name}"
+        for base in ("base", "link_base")
+        for name in ("acceleration", "turning_acceleration")
+    ),
     "safety.lean.acceleration",
     "safety.lean.speed",
     "safety.lean.tolerance",
