@@ -119,6 +119,21 @@ def refuse_far(positions: Array, label: Where, unit_known: bool = False) -> None
     )
 
 
+def refuse_far_place(place: npt.ArrayLike, name: str) -> None:
+    """Refuses a place (3,) [m] in the torso frame, given by a user, at which no hand can be.
+
+    Args:
+        place: The place.
+        name: Its option, for the message.
+    """
+    far = float(np.linalg.norm(np.asarray(place, dtype=float)))
+    if far > FARTHEST:
+        raise InputError(
+            f"{name}: {far:.3g} m from the torso, and the arm reaches 0.41 m; give metres in the"
+            " torso frame"
+        )
+
+
 def refuse_unreached(positions: Array, label: Where, unit_known: bool = False) -> None:
     """Refuses a motion out of reach of both arms: another frame or unit."""
     shoulders = [arm_chain(arm).shoulder for arm in ("left", "right")]
