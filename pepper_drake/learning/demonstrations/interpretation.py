@@ -69,6 +69,9 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     """
     track = track.without_repeats()
     notes = [f"read as {track.kind}", *track.notes]
+    if track.velocities is None and track.accelerations is not None:
+        track = replace(track, accelerations=None)  # An accelerometer's, which feel gravity, too.
+        notes.append("accelerations without velocities were left out")
     track = _with_times(track, options, notes)
     _refuse_order(track)
     positions, scale = _positions(track, options, notes)
@@ -288,10 +291,15 @@ def _refuse_order(track: Track) -> None:
     back = np.flatnonzero(np.diff(track.times) <= 0.0)
     if len(back):
         k = int(back[0])
+        mend = "remove one of them, or say --rate HZ where the samples are even"
+        if track.times[k + 1] < track.times[k]:
+            mend = (
+                "are there two recordings in it? Cut it there; if only the clock began anew, say"
+                " --rate HZ"
+            )
         raise InputError(
             f"{track.where(k + 1)}: time {track.times[k + 1]:.10g} s does not come after"
-            f" {track.times[k]:.10g} s; rows must be in order of time, each time once (remove one"
-            " of them, or say --rate HZ where the samples are even)"
+            f" {track.times[k]:.10g} s; rows must be in order of time, each time once ({mend})"
         )
 
 

@@ -89,6 +89,10 @@ READ = {
         rows(T, POSES.swapaxes(1, 2).reshape(len(T), 16)),
         {},
     ),
+    "an accelerometer beside positions": (
+        table(T, A + [0, 0, 9.81], P, header="time,accel_x,accel_y,accel_z,x,y,z"),
+        {},
+    ),
     "times of a trajectory": (table(T, J, header=JOINTS.replace("time", "time_from_start")), {}),
     "numbers for what was not measured, to be left out": (
         rows(T, hurt(P, slice(50, 53), 9999.0)),
@@ -307,6 +311,10 @@ REFUSED = {
     "the same time twice": (
         table(np.insert(T, 9, T[9]), np.insert(P, 9, P[9] + 1e-4, axis=0), header=XYZ),
         "line 12: time .* each time once",
+    ),
+    "two takes in one file": (
+        table(np.r_[T, T], np.r_[P, P], header=XYZ),
+        "line 103: time 0 s does not come after 2 s.*two recordings in it. Cut it there",
     ),
     "x in m and y in mm": (
         table(T, P * [1, 1e3, 1], header="time,x [m],y [mm],z [m]"),
