@@ -38,6 +38,11 @@ _STARTS: tuple[tuple[bytes, str, str], ...] = (
     (b"comment,", "an export of OptiTrack before version 1.2", "export it again with Motive's CSV"),
     (b"PathFileType", "an OpenSim TRC file", _TABLE),
     (b"NO_OF_FRAMES", "a Qualisys TSV file", f"{_TABLE}; its units are mm (--unit mm)"),
+    (
+        b"#ROSBAG V2",
+        "a ROS bag by another name",
+        "call it .bag; of .bag.active, rosbag reindex first",
+    ),
     (b"#ROSBAG V1", "a ROS bag of version 1.x", "convert it (rosbag fix), then give it"),
 )
 
