@@ -31,7 +31,7 @@ EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 """Ctrl-C or SIGTERM ended the app before it was done; what it had done is kept."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
-"""What writing to a full or broken disk, to which the output is redirected, fails with."""
+"""Errors of writing to a full or broken disk, to which the output is redirected."""
 _IMPORTING = 0.02
 """Delay after which an interrupt that came during an import is sent again [s]."""
 

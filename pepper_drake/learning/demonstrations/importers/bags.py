@@ -25,7 +25,7 @@ EXTRA = 'pip install "pepper-drake[formats]"'
 
 
 _REPAIR = "rosbag reindex, ros2 bag reindex or mcap recover"
-"""What repairs a bag that was not closed: ROS 1's, ROS 2's, MCAP."""
+"""Commands that repair a bag that was not closed: of ROS 1, ROS 2, MCAP."""
 
 
 def is_bag(path: Path) -> bool:
