@@ -84,6 +84,7 @@ _FRACTIONS = (
 """Fields that must be at least 0 and below 1."""
 _LEAST = {
     "seed": 0,
+    "contact.latency": 0,
     "contact.steps": 1,
     "perception.obstacles.holes.side_rows": 1,
     "perception.stereo_obstacles.holes.side_rows": 1,

@@ -211,6 +211,7 @@ def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
         ("perception.obstacles.near_field.spacing=0", "must be positive"),
         ("perception.obstacles.near_field.least_rays=0", "must be positive"),
         ("safety.time_step=0", "must be positive"),
+        ("contact.latency=-1", "must be 0 or more"),
         ("safety.base.acceleration=0", "must be positive"),
         ("safety.link_base.turning_acceleration=0", "must be positive"),
         ("compliance.stiffness=1.5", "at most 1"),
