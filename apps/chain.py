@@ -32,6 +32,7 @@ from pepper_drake.cli import (
 from pepper_drake.errors import InputError
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.demonstrations.check import examine
+from pepper_drake.learning.demonstrations.refusals import refuse_far_place
 from pepper_drake.learning.dmp.chain import BLEND, Chain, Step, plan_chain
 from pepper_drake.results.folder import whole_results
 
@@ -47,8 +48,11 @@ def main() -> int:
         k = index_of(number, steps, "--via")
         if steps[k].primitive is None:
             raise InputError(f"--via {number:g}: movement {number:g} waits")
+        refuse_far_place(point, "--via")
         via = tuple(sorted((*steps[k].via, (share, point)), key=lambda entry: entry[0]))
         steps[k] = Step(**{**vars(steps[k]), "via": via})
+    if arguments.start is not None:
+        refuse_far_place(arguments.start, "--start")
     begun = time.perf_counter()
     chain = plan_chain(
         steps, start=arguments.start, time_step=arguments.time_step, blend=arguments.blend
@@ -56,6 +60,7 @@ def main() -> int:
     seconds = time.perf_counter() - begun
     replans = []
     for number, moment, *goal in arguments.move:
+        refuse_far_place(goal, "--move")
         begun = time.perf_counter()
         chain = chain.replanned(moment, index_of(number, steps, "--move"), goal)
         replans.append(time.perf_counter() - begun)
@@ -143,6 +148,8 @@ def read_steps(words: Sequence[str], *, relative: bool) -> list[Step]:
         if not Path(name).exists() and "@" in name:
             name, _, place = name.rpartition("@")
             goal = [number(part, word) for part in place.split(",")]
+            if len(goal) == 3:
+                refuse_far_place(goal, word)
         path = Path(name)
         if path.suffix in (".yaml", ".yml"):
             primitive = MovementPrimitive.load(path)

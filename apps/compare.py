@@ -11,7 +11,6 @@ from dataclasses import asdict
 from tqdm import tqdm
 
 from pepper_drake.cli import EXIT_DONE, make_parser, parse, run, shows_progress
-from pepper_drake.errors import InputError
 from pepper_drake.evaluation.approximator_comparison import (
     REPORT_NUM_BASIS,
     compare,
@@ -23,6 +22,7 @@ from pepper_drake.learning import approximator_names
 from pepper_drake.learning.approximators.registry import get_approximator
 from pepper_drake.learning.demonstrations.demonstration_folder import load_all
 from pepper_drake.learning.demonstrations.synthetic import example_demonstrations
+from pepper_drake.learning.dmp.num_basis import check_num_basis
 from pepper_drake.reporting.comparison_figure import draw_comparison
 from pepper_drake.results.folder import whole_results
 from pepper_drake.user_code import named_part
@@ -59,8 +59,8 @@ def main() -> int:
     nums_basis = list(arguments.num_basis)
     for name in names:
         get_approximator(name)
-    if min(nums_basis) < 1:
-        raise InputError(f"--num-basis: {min(nums_basis)} basis functions; use at least 1")
+    for number in nums_basis:
+        check_num_basis(number, "--num-basis")
     demonstrations = load_all(arguments.demonstrations)
     if not demonstrations:
         demonstrations = example_demonstrations(seed=arguments.seed)

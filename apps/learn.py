@@ -33,7 +33,7 @@ from pepper_drake.learning.demonstrations.demonstration_files import (
     read_demonstrations,
     read_joint_recording,
 )
-from pepper_drake.learning.demonstrations.refusals import refuse_unlike
+from pepper_drake.learning.demonstrations.refusals import refuse_far_place, refuse_unlike
 from pepper_drake.learning.dmp.joint_primitive import JointPrimitive
 from pepper_drake.learning.dmp.num_basis import DEFAULT_NUM_BASIS
 from pepper_drake.learning.dmp.orientation import ORIENTATIONS
@@ -198,11 +198,13 @@ def conditioned(demonstrations: list[Demonstration], via: list[list[float]]) -> 
     Raises:
         InputError: There are too few demonstrations, or a via point is invalid.
     """
-    refuse_unlike(demonstrations)
-    promp = fit_promp(demonstrations)
     for share, *point in via:
         if not (0.0 <= share <= 1.0 and np.isfinite(point).all()):
             raise InputError(f"--via {share:g}: a share of the time from 0 to 1, and x y z")
+        refuse_far_place(point, "--via")
+    refuse_unlike(demonstrations)
+    promp = fit_promp(demonstrations)
+    for share, *point in via:
         promp = promp.condition(share * promp.duration, point)
     motion = promp.demonstration()
     refuse_out_of_reach(motion, "--via")

@@ -38,6 +38,7 @@ from pepper_drake import cli
 from pepper_drake.cli_scenario import add_scenario_options, scenario_of
 from pepper_drake.errors import InputError
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.demonstrations.refusals import refuse_far_place
 from pepper_drake.models.scene import load_scene
 from pepper_drake.optimization.averaging import decay_over
 from pepper_drake.optimization.comparison import compare_methods
@@ -227,6 +228,8 @@ def chosen_task(
     goal = options.goal
     if options.goal_offset is not None:
         goal = primitive.goal + options.goal_offset
+    if goal is not None:
+        refuse_far_place(goal, "--goal")
     only_goal = isinstance(cost, CostWeights) and not any(
         weight for name, weight in asdict(cost).items() if name != "hand_to_goal"
     )

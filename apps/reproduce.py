@@ -53,6 +53,7 @@ from pepper_drake.hardware.options import (
 from pepper_drake.hardware.perform_run import perform_with_robot
 from pepper_drake.hardware.run_options import hardware_run
 from pepper_drake.learning import MovementPrimitive
+from pepper_drake.learning.demonstrations.refusals import refuse_far_place
 from pepper_drake.learning.dmp.correction import learn_correction
 from pepper_drake.learning.dmp.joint_primitive import JointPrimitive, is_joint_primitive
 from pepper_drake.models.pepper import POSTURES
@@ -275,6 +276,8 @@ def parse() -> argparse.Namespace:
     for name in ("goal", "push"):
         if not np.all(np.isfinite(getattr(arguments, name) or [0.0])):
             raise InputError(f"--{name} must be three finite numbers")
+    if arguments.goal is not None:
+        refuse_far_place(arguments.goal, "--goal")
     return arguments
 
 

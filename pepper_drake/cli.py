@@ -2,7 +2,9 @@
 
 import argparse
 import contextlib
+import errno
 import importlib.util
+import io
 import logging
 import os
 import re
@@ -10,9 +12,10 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import NoReturn
 
 from threadpoolctl import threadpool_limits
@@ -27,6 +30,8 @@ EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 """Ctrl-C or SIGTERM ended the app before it was done; what it had done is kept."""
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+"""Errors of writing to a full or broken disk, to which the output is redirected."""
 _IMPORTING = 0.02
 """Delay after which an interrupt that came during an import is sent again [s]."""
 
@@ -163,11 +168,12 @@ def run(main: Callable[[], int]) -> None:
     """
     try:
         signal.signal(signal.SIGTERM, _interrupt)
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, _interrupt)
+        _take_interrupts()
         quiet_resource_tracker()
         limit_linear_algebra()
+        _open_streams()
         code = main()
+        sys.stdout.flush()
     except InputError as error:
         print(f"error: {as_run(str(error))}", file=sys.stderr)
         code = EXIT_BAD_INPUT
@@ -178,12 +184,46 @@ def run(main: Callable[[], int]) -> None:
         print(f"error: {as_run(str(error))}", file=sys.stderr)
         code = EXIT_FAILED
     except BrokenPipeError:  # The reader of the output, such as `head`, has gone.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _print_to_nowhere()
         code = EXIT_DONE
+    except PermissionError as error:
+        if error.filename is None:
+            raise
+        print(f"error: {one_line(f'{error.filename}: {error.strerror}')}", file=sys.stderr)
+        code = EXIT_BAD_INPUT
+    except OSError as error:
+        if error.filename is not None or error.errno not in _FULL:
+            raise
+        print(f"error: what is printed cannot be written ({error.strerror})", file=sys.stderr)
+        _print_to_nowhere()
+        code = EXIT_BAD_INPUT
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         code = EXIT_INTERRUPTED
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Opens streams that are closed (`>&-`, a daemon), and lets them print any name.
+
+    The next file that is opened would be in the place of a closed one, and what libraries print in
+    it. What the terminal has no character for, as in a file's name, is shown by its code.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_RDWR)  # The lowest number that is free: this one.
+            setattr(sys, name, os.fdopen(nowhere, "w" if number else "r", closefd=False))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
+    warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # In a figure: a box.
+
+
+def _print_to_nowhere() -> None:
+    """Drops what is still to be printed: Python would try once more at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
@@ -199,6 +239,23 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
             return
         frame = frame.f_back
     raise KeyboardInterrupt
+
+
+def _take_interrupts() -> None:
+    """Makes Ctrl-C one line from now on, also while an app still imports what it needs."""
+    is_main = threading.current_thread() is threading.main_thread()
+    if is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
+
+
+def _show_uncaught(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
+    """Shows an exception that ends the program; Ctrl-C before `run` as it is shown in it."""
+    if issubclass(kind, KeyboardInterrupt):
+        print("interrupted", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, trace)
 
 
 def limit_linear_algebra() -> None:
@@ -235,7 +292,8 @@ def quiet_libraries() -> None:
     terminal = os.dup(1)
     with open(os.devnull, "w") as nowhere:
         os.dup2(nowhere.fileno(), 1)
-    sys.stdout = os.fdopen(terminal, "w", buffering=1)
+    encoding, errors = sys.stdout.encoding, sys.stdout.errors
+    sys.stdout = os.fdopen(terminal, "w", buffering=1, encoding=encoding, errors=errors)
 
 
 @contextlib.contextmanager
@@ -267,3 +325,9 @@ def wait_for_interrupt(message: str) -> None:
     with contextlib.suppress(KeyboardInterrupt):
         while True:
             time.sleep(1)
+
+
+# Imports take seconds, in which a user may find a mistake in the line just typed.
+if sys.excepthook is sys.__excepthook__:
+    sys.excepthook = _show_uncaught
+    _take_interrupts()

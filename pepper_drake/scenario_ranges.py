@@ -4,6 +4,7 @@ from operator import attrgetter
 from typing import Any
 
 from pepper_drake.errors import InputError
+from pepper_drake.models.pepper import JOINT_GROUPS
 
 _POSITIVE = (
     "compliance.stiffness",
@@ -15,7 +16,20 @@ _POSITIVE = (
     "controller.target_time_constant",
     "controller.time_step",
     "controller.tracking_rate",
+    "perception.image_poll_period",
     "perception.marker.edges.blurred_growth",
+    *(
+        f"perception.{camera}.{name}"
+        for camera in ("obstacles", "stereo_obstacles")
+        for name in (
+            "approach.spacing",
+            "cloud.largest_spacing",
+            "cloud.stride",
+            "memory.voxel_size",
+            "near_field.min_rays",
+            "near_field.spacing",
+        )
+    ),
     *(
         f"perception.{camera}.{views}.max_views"
         for camera in ("obstacles", "stereo_obstacles")
@@ -45,9 +59,18 @@ _POSITIVE = (
             "unseen.stride",
         )
     ),
+    *(
+        f"safety.{base}.{name}"
+        for base in ("base", "link_base")
+        for name in ("acceleration", "turning_acceleration")
+    ),
     "safety.lean.acceleration",
     "safety.lean.speed",
     "safety.lean.tolerance",
+    "safety.time_step",
+    "station.camera_period",
+    "station.command_period",
+    "station.time_step",
     "supervisor.separation.deceleration",
     "supervisor.separation.slowing",
     "supervisor.time_step",
@@ -61,6 +84,8 @@ _FRACTIONS = (
 )
 """Fields that must be at least 0 and below 1."""
 _LEAST = {
+    "seed": 0,
+    "contact.latency": 0,
     "contact.steps": 1,
     "perception.obstacles.holes.side_rows": 1,
     "perception.stereo_obstacles.holes.side_rows": 1,
@@ -73,6 +98,9 @@ _LEAST = {
     "planner.retreat.max_clearance_loss": 0,
     "planner.settle": 0,
     "planner.solid_depth": 0,
+    "station.camera_latency": 0,
+    "station.derivative_gain": 0,
+    "station.proportional_gain": 0,
     "planner.support_surface.rim": 0,
     "supervisor.latency.base_placement": 0,
     "supervisor.latency.check": 0,
@@ -106,6 +134,13 @@ def check_ranges(scenario: Any) -> None:
         value = attrgetter(name)(scenario)
         if not 0.0 <= value < 1.0:
             raise InputError(f"{name} is {value:g}; it must be at least 0 and below 1")
+    for group, value in scenario.station.stiffness.items():
+        if group not in JOINT_GROUPS:
+            raise InputError(
+                f'station.stiffness names "{group}"; the joint groups are {", ".join(JOINT_GROUPS)}'
+            )
+        if not 0.0 <= value <= 1.0:
+            raise InputError(f"station.stiffness of {group} is {value:g}; it must be from 0 to 1")
     stiffness = scenario.compliance.stiffness
     if stiffness > 1.0:
         raise InputError(f"compliance.stiffness is {stiffness:g}; it must be above 0 and at most 1")

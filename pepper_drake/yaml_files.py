@@ -76,7 +76,9 @@ def compose(text: str, name: str) -> yaml.Node | None:
             loader.dispose()
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise InputError(f"{name} line {line}: not valid YAML ({error.problem})") from None
+        has_tab = any("\t" in row for row in text.split("\n")[line - 1 : line])
+        mend = "; there is a tab in it, write blanks" if has_tab else ""
+        raise InputError(f"{name} line {line}: not valid YAML ({error.problem}){mend}") from None
     except yaml.YAMLError as error:
         raise InputError(f"{name}: not valid YAML ({error})") from None
     except ValueError as error:  # Escapes of no character.

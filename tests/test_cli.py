@@ -53,6 +53,11 @@ def test_every_app_has_an_output_folder_a_seed_and_quiet():
         (PepperDrakeError("it broke"), cli.EXIT_FAILED, "error: it broke\n"),
         (StoppedError("nothing was kept"), 130, "interrupted: nothing was kept\n"),
         (KeyboardInterrupt(), 130, "interrupted\n"),
+        (
+            PermissionError(13, "Permission denied", "a\nb"),
+            cli.EXIT_BAD_INPUT,
+            "error: a\\nb: Permission denied\n",
+        ),
     ],
 )
 def test_errors_become_a_line_and_a_code(error, code, line, capsys):
@@ -110,3 +115,46 @@ cli.run(main)
     assert ran.returncode == -9
     assert ran.stderr == ""
     assert not (Path("/dev/shm") / ran.stdout.strip().lstrip("/")).exists()
+
+
+def run_in_shell(body, redirection="", encoding="utf-8"):
+    code = f"from pepper_drake import cli\ndef main():\n    {body}\n    return 0\ncli.run(main)\n"
+    return subprocess.run(
+        ["bash", "-c", f'"$0" -c "$1" {redirection}', sys.executable, code],
+        capture_output=True,
+        timeout=60,
+        env={
+            "PATH": "/usr/bin:/bin",
+            "PYTHONPATH": ":".join(sys.path),
+            "PYTHONIOENCODING": encoding,
+        },
+    )
+
+
+def test_output_to_a_full_disk_is_one_line():
+    for body in ("print(1)", "print('x' * 100000)", "cli.quiet_libraries(); print(1)"):
+        ran = run_in_shell(body, ">/dev/full")
+        assert ran.returncode == cli.EXIT_BAD_INPUT
+        assert ran.stderr.decode() == (
+            "error: what is printed cannot be written (No space left on device)\n"
+        )
+
+
+def test_closed_streams_keep_files_from_their_places():
+    body = "cli.quiet_libraries(); print(1); assert open('/dev/null').fileno() > 2"
+    for redirection in (">&-", "<&- >&-", "<&- >&- 2>&-"):
+        ran = run_in_shell(body, redirection)
+        assert (ran.returncode, ran.stdout, ran.stderr) == (0, b"", b"")
+
+
+def test_a_name_without_characters_in_the_terminal_is_printed_by_its_codes():
+    for body in ("print('a \\u2013 b')", "cli.quiet_libraries(); print('a \\u2013 b')"):
+        ran = run_in_shell(body, encoding="latin-1")
+        assert (ran.returncode, ran.stdout) == (0, b"a \\u2013 b\n")
+
+
+def test_an_interrupt_while_an_app_imports_is_one_line():
+    code = "from pepper_drake import cli\nimport signal\nsignal.raise_signal(signal.SIGINT)\n"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert ran.stderr == "interrupted\n"
+    assert ran.returncode != 0

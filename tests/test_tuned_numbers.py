@@ -47,7 +47,7 @@ ALLOWED = {
         "geometry": "CAMERA_TOP CAMERA_BOTTOM CAMERA_DEPTH",
     },
     "perception/cameras/camera_files.py": {
-        "format": "_OFF_CENTRE _LARGEST NAOQI_RESOLUTIONS _NAOQI_CAMERAS"
+        "format": "_OFF_CENTRE _SHORTEST_FOCAL _LARGEST NAOQI_RESOLUTIONS _NAOQI_CAMERAS"
     },
     "perception/cameras/image_files.py": {"format": "_LARGEST _MOST_PIXELS"},
     "perception/cameras/images.py": {"format": "_FEWEST_LEVELS _CHANNELS"},

@@ -52,6 +52,8 @@ def test_words_mean_what_everybody_takes_them_for(tmp_path, text, value):
     ("text", "sentence"),
     [
         ("a: &x 1\nb: *x", r"line 2: aliases"),
+        ("a: 1\n-\tb: 2", "line 2: not valid YAML .*; there is a tab in it, write blanks"),
+        ("a:\n\tb: 2", "line 2: not valid YAML .*; there is a tab in it, write blanks"),
         ("a: !!python/object/apply:os.system [ls]", "tags"),
         ("a: 1\n---\nb: 2", "line 2: a second document"),
         ("[" * 100_000, "nested too deeply"),

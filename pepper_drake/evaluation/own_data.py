@@ -19,6 +19,7 @@ from pepper_drake.perception.goal.photo import MarkerSighting, find_in_photo, ma
 from pepper_drake.perception.mapping.cloud import (
     CloudParameters,
     depth_in_metres,
+    hole_codes,
     observe_surfaces,
     to_point_cloud,
 )
@@ -185,7 +186,20 @@ def report_depth(
     line = f"  {100 * share:.0f} % measured, {report['points']} points"
     if measured.size:
         line += f", from {measured.min():.2f} to {measured.max():.2f} m"
+    elif (out := _stored_range(read_depth(path))) is not None:
+        line += (
+            f": its values, {out[0]:g} to {out[1]:g}, are not {intrinsics.near:g} to"
+            f" {intrinsics.far:g} m; say what length their unit is (--scale)"
+        )
     return report, line
+
+
+def _stored_range(stored: npt.NDArray[Any]) -> tuple[float, float] | None:
+    """Returns least and largest value of a depth image that is no hole, None if all are holes."""
+    values = stored[np.isfinite(stored) & (stored > 0)]
+    if values.dtype.kind in "iu":
+        values = values[~hole_codes(values)]
+    return (float(values.min()), float(values.max())) if values.size else None
 
 
 def report_cloud(path: Path, folder: Path, *, scale: float = 1.0) -> tuple[dict[str, Any], str]:

@@ -5,6 +5,7 @@ from functools import partial
 from typing import Self
 
 from pepper_drake.errors import InputError
+from pepper_drake.models.motion import check_angles
 from pepper_drake.models.teaching_script import (
     TeachingScript,
     check_duration,
@@ -58,6 +59,7 @@ def check_via_points(via_points: list[ViaPoint]) -> None:
         name = f"via_points[{index}]"
         check_vector(f"{name}.position", via.position)
         check_vector(f"{name}.rpy", via.rpy)
+        check_angles(via.rpy, f"{name}.rpy")
         if not via.time > previous:
             raise InputError(f"{name}.time is {via.time:g} s; times must be above 0 and increase")
         check_duration(f"{name}.time", via.time - previous, whole=via.time)

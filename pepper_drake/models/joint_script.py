@@ -5,7 +5,7 @@ from functools import partial
 from typing import Self
 
 from pepper_drake.errors import InputError
-from pepper_drake.models.motion import FARTHEST
+from pepper_drake.models.motion import check_angles
 from pepper_drake.models.pepper import JOINT_GROUPS, arm_group, mirror_joint_positions
 from pepper_drake.models.teaching_script import TeachingScript, check_duration, load_script
 
@@ -44,8 +44,7 @@ class JointScript(TeachingScript):
                 raise InputError(
                     f'{name}.joint is "{move.joint}"; the {self.arm} arm has {", ".join(joints)}'
                 )
-            if not abs(move.angle) <= FARTHEST:
-                raise InputError(f"{name}.angle must be a finite number of at most {FARTHEST:g}")
+            check_angles([move.angle], f"{name}.angle")
             check_duration(f"{name}.duration", move.duration, whole=whole)
 
     def mirrored(self) -> Self:

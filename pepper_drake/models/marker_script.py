@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.guide import ViaPoint
-from pepper_drake.models.motion import FARTHEST
+from pepper_drake.models.motion import check_angles
 from pepper_drake.models.teaching_script import (
     TeachingScript,
     check_duration,
@@ -56,8 +56,7 @@ class MarkerScript(TeachingScript):
                 raise InputError(f"{name} is {value:g}; it must be above 0")
             if not lower <= value <= upper:
                 raise InputError(f"{name} is {value:g}; it must be {lower:g} to {upper:g}")
-        if not abs(self.yaw) <= FARTHEST:
-            raise InputError(f"yaw must be a finite number of at most {FARTHEST:g}")
+        check_angles([self.yaw], "yaw")
         if len(self.path) < 3:
             raise InputError(f"path holds {len(self.path)} poses; it needs at least three")
         if self.path[0].time != 0.0:
@@ -65,6 +64,7 @@ class MarkerScript(TeachingScript):
         for index, via in enumerate(self.path):
             check_vector(f"path[{index}].position", via.position)
             check_vector(f"path[{index}].rpy", via.rpy)
+            check_angles(via.rpy, f"path[{index}].rpy")
             if index and not via.time > self.path[index - 1].time:
                 raise InputError(f"path[{index}].time is {via.time:g} s; times must increase")
             if index:

@@ -1,6 +1,6 @@
 """Motions of obstacles and the goal object: a smooth path through rows of time and offset."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,6 +16,8 @@ LONGEST = 600.0
 FARTHEST = 100.0
 """Largest coordinate of positions and offsets [m]."""
 
+_MOST_TURN = 6.3
+"""Largest angle of a pose or joint [rad]: a full turn. More would be degrees."""
 _SHORTEST = 1e-3
 _MOST_ROWS = 5_000
 _FILE_LIMIT = 2**20
@@ -26,6 +28,15 @@ MOTION_DIRECTIONS: dict[str, tuple[float, float, float]] = {
     "away": (1.0, 0.0, 0.0),
 }
 """Directions of `goal_motion` for a robot that faces +x; "aside" is for the left arm."""
+
+
+def check_angles(angles: Iterable[float], field: str) -> None:
+    """Raises InputError, naming `field`, if one of its angles [rad] is more than a full turn."""
+    for angle in angles:
+        if not abs(angle) <= _MOST_TURN:
+            raise InputError(
+                f"{field} has an angle of {angle:g}, more than a full turn; angles are in radians"
+            )
 
 
 def check_path(path: Sequence[Sequence[float]], field: str) -> None:

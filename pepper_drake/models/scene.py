@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from pepper_drake.errors import InputError
 from pepper_drake.files import path_inside
-from pepper_drake.models.motion import FARTHEST, check_path, path_trajectory
+from pepper_drake.models.motion import FARTHEST, check_angles, check_path, path_trajectory
 from pepper_drake.models.pepper import (
     ARMS,
     MODELS_DIR,
@@ -19,7 +19,15 @@ from pepper_drake.models.pepper import (
     mirror_joint_positions,
     posture_positions,
 )
-from pepper_drake.models.shapes import PlacedShape, convex_hull, distances, mesh_path, overlaps
+from pepper_drake.models.shapes import (
+    PlacedShape,
+    convex_hull,
+    distances,
+    mesh_path,
+    overlaps,
+    pepper_shapes,
+    position_limits,
+)
 from pepper_drake.models.typed_yaml import line_of_field, load_yaml, save_yaml
 from pepper_drake.short_repr import short_repr, short_signature
 
@@ -32,6 +40,12 @@ COUPLINGS = ("barrier", "report")
 
 _SMALLEST = 1e-4
 _MOST_OBSTACLES = 200
+_ROBOT_OVERLAP = 0.005
+"""Depth in Pepper's shapes, which are larger than its body, that still counts as beside it [m]."""
+_LIMIT_SLACK = 0.01
+"""Tolerance of a posture beyond the joints' limits [rad]: an elbow is never quite straight."""
+_WIDEST_MESH = 10.0
+"""Largest side of a mesh [m]; drawing programs write millimetres."""
 
 _SIZES = {
     "box": "x, y and z lengths",
@@ -225,9 +239,28 @@ class Scene:
                     f'goal.position puts the goal object inside the obstacle "{obstacle_name}"; '
                     "move one of them"
                 )
+        self._check_robot_is_free()
         for index, obstacle in enumerate(self.obstacles):
             if obstacle.path:
                 self._check_path_is_free(obstacle, f"obstacles[{index}].path")
+
+    def _check_robot_is_free(self) -> None:
+        """Raises InputError if Pepper would start inside the goal object or an obstacle."""
+        solids = self.solids()
+        names = ["goal.position", *(f"obstacles[{k}].position" for k in range(len(self.obstacles)))]
+        fields = {solid.name: name for solid, name in zip(solids, names, strict=True)}
+        robot = [
+            replace(shape, name=f"Pepper's {shape.name}")
+            for shape in pepper_shapes(self.robot.positions())
+        ]
+        for pair in overlaps([*solids, *robot], _ROBOT_OVERLAP):
+            inside = [name for name in pair if name in fields]
+            if len(inside) == 1:
+                other = pair[1 - pair.index(inside[0])]
+                raise InputError(
+                    f"{fields[inside[0]]} puts {inside[0]} inside {other} at the start; move one of"
+                    " them"
+                )
 
     def _check_path_is_free(self, obstacle: Obstacle, field_name: str) -> None:
         """Raises InputError if an obstacle's path collides with a static object."""
@@ -353,6 +386,11 @@ def _check_vector(value: Sequence[float], length: int, name: str, what: str) -> 
         raise InputError(f"{name} must hold numbers of at most {FARTHEST:g}")
 
 
+def _check_rpy(rpy: Sequence[float], name: str) -> None:
+    _check_vector(rpy, 3, name, "roll, pitch, yaw")
+    check_angles(rpy, name)
+
+
 def _check_color(color: Sequence[float], name: str) -> None:
     _check_vector(color, 4, name, "red, green, blue and alpha")
     if min(color) < 0.0 or max(color) > 1.0:
@@ -360,9 +398,10 @@ def _check_color(color: Sequence[float], name: str) -> None:
 
 
 def _check_robot(robot: RobotStart) -> None:
-    numbers = [robot.x, robot.y, robot.yaw, *robot.joints.values()]
-    if not np.all(np.abs(numbers) <= FARTHEST):
+    if not np.all(np.abs([robot.x, robot.y]) <= FARTHEST):
         raise InputError(f"robot must hold finite numbers of at most {FARTHEST:g}")
+    check_angles([robot.yaw], "robot.yaw")
+    check_angles(robot.joints.values(), "robot.joints")
     if robot.posture not in POSTURES:
         raise InputError(
             f'robot.posture is "{robot.posture}"; it must be one of {", ".join(POSTURES)}'
@@ -371,6 +410,12 @@ def _check_robot(robot: RobotStart) -> None:
         robot.positions()
     except InputError as error:
         raise InputError(f"robot.{error}") from None
+    for name, value in robot.joints.items():
+        lower, upper = position_limits(name)
+        if not lower - _LIMIT_SLACK <= value <= upper + _LIMIT_SLACK:
+            raise InputError(
+                f"robot.joints has {name} at {value:g}, beyond its limits, {lower:g} to {upper:g}"
+            )
 
 
 def _check_goal(goal: GoalObject) -> None:
@@ -382,13 +427,12 @@ def _check_goal(goal: GoalObject) -> None:
             )
     if goal.position[2] < 0.0:
         raise InputError(f"goal.position is {-goal.position[2]:g} m below the floor; raise it")
-    if not abs(goal.yaw) <= FARTHEST:
-        raise InputError(f"goal.yaw must be a finite number of at most {FARTHEST:g}")
+    check_angles([goal.yaw], "goal.yaw")
     _check_color(goal.color, "goal.color")
     _check_marker(goal.marker, "goal.marker")
     if goal.pre_grasp.position or goal.pre_grasp.rpy:
         _check_vector(goal.pre_grasp.position, 3, "goal.pre_grasp.position", "x, y, z")
-        _check_vector(goal.pre_grasp.rpy, 3, "goal.pre_grasp.rpy", "roll, pitch, yaw")
+        _check_rpy(goal.pre_grasp.rpy, "goal.pre_grasp.rpy")
     _check_vector(goal.pre_grasp.axis, 3, "goal.pre_grasp.axis", "an axis of the hand")
     if np.linalg.norm(goal.pre_grasp.axis) < 1e-3:
         raise InputError("goal.pre_grasp.axis has no length; give a direction such as [0, 0, -1]")
@@ -407,7 +451,7 @@ def _check_marker(marker: Marker | HandMarker, name: str) -> None:
         raise InputError(f"{name}.size is {marker.size:g} m; it must be 0.005 to 0.5")
     where = "the object's frame" if isinstance(marker, Marker) else "the hand's frame"
     _check_vector(marker.position, 3, f"{name}.position", f"x, y, z in {where}")
-    _check_vector(marker.rpy, 3, f"{name}.rpy", "roll, pitch, yaw")
+    _check_rpy(marker.rpy, f"{name}.rpy")
 
 
 def _check_obstacle(obstacle: Obstacle, field_name: str) -> None:
@@ -434,8 +478,16 @@ def _check_obstacle(obstacle: Obstacle, field_name: str) -> None:
         try:
             mesh_path(obstacle.mesh)
         except InputError as error:
-            raise InputError(f"{field_name}.{error}") from None
+            name = "" if str(error).startswith("mesh ") else "mesh: "
+            raise InputError(f"{field_name}.{name}{error}") from None
+        hull = convex_hull(obstacle.mesh, obstacle.size[0]).GetConvexHull()
+        width = float(hull.CalcBoundingBox()[1].max())
+        if width > _WIDEST_MESH:
+            raise InputError(
+                f"{field_name}.size makes the mesh {width:g} m wide; is it in millimetres (size:"
+                " [0.001])?"
+            )
     _check_vector(obstacle.position, 3, f"{field_name}.position", "x, y, z of its centre")
-    _check_vector(obstacle.rpy, 3, f"{field_name}.rpy", "roll, pitch, yaw")
+    _check_rpy(obstacle.rpy, f"{field_name}.rpy")
     _check_color(obstacle.color, f"{field_name}.color")
     check_path(obstacle.path, f"{field_name}.path")

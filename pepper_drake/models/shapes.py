@@ -1,7 +1,8 @@
-"""Shapes of obstacles and the goal object, their overlaps and distances."""
+"""Shapes of obstacles, the goal object and Pepper, their overlaps and distances."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,12 @@ from pydrake.geometry import (
     Shape,
 )
 from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
 
 from pepper_drake.errors import InputError
 from pepper_drake.models.obj_files import check_obj
-from pepper_drake.models.pepper import MODELS_DIR
+from pepper_drake.models.pepper import MODELS_DIR, add_pepper, set_joint_positions
 
 MESHES_DIR = MODELS_DIR / "meshes"
 """Folder of the meshes that a scene names without a folder."""
@@ -68,9 +71,9 @@ def overlaps(shapes: Sequence[PlacedShape], tolerance: float = 1e-3) -> list[tup
     source = scene_graph.RegisterSource("overlaps")
     poses = FramePoseVector()
     names = {}
-    for placed in shapes:
-        frame = scene_graph.RegisterFrame(source, GeometryFrame(placed.name))
-        instance = GeometryInstance(RigidTransform(), placed.shape, placed.name)
+    for number, placed in enumerate(shapes):
+        frame = scene_graph.RegisterFrame(source, GeometryFrame(f"{number}"))
+        instance = GeometryInstance(RigidTransform(), placed.shape, f"{number}")
         instance.set_proximity_properties(ProximityProperties())
         names[scene_graph.RegisterGeometry(source, frame, instance)] = placed.name
         poses.set_value(frame, placed.X_WS)
@@ -123,3 +126,40 @@ def distances(
         for column, other in enumerate(still):
             gaps[row, column] = query.ComputeSignedDistancePairClosestPoints(moving, other).distance
     return gaps
+
+
+@lru_cache(maxsize=1)
+def _pepper() -> tuple[MultibodyPlant, SceneGraph, ModelInstanceIndex]:
+    """Returns Pepper alone, with its shapes."""
+    plant, scene_graph = MultibodyPlant(time_step=0.0), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    pepper = add_pepper(plant)
+    plant.Finalize()
+    return plant, scene_graph, pepper
+
+
+def pepper_shapes(positions: Mapping[str, float]) -> list[PlacedShape]:
+    """Returns Pepper's collision shapes, with the names of their bodies.
+
+    Args:
+        positions: Positions of all joints by name [rad, m], the base's included.
+    """
+    plant, scene_graph, pepper = _pepper()
+    context, inspector = plant.CreateDefaultContext(), scene_graph.model_inspector()
+    set_joint_positions(plant, context, pepper, positions)
+    return [
+        PlacedShape(
+            body.name(),
+            inspector.GetShape(geometry),
+            plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(geometry),
+        )
+        for body in map(plant.get_body, plant.GetBodyIndices(pepper))
+        for geometry in plant.GetCollisionGeometriesForBody(body)
+    ]
+
+
+def position_limits(joint: str) -> tuple[float, float]:
+    """Returns the lower and upper limit of one of Pepper's joints [rad], the base's [rad, m]."""
+    plant, _, pepper = _pepper()
+    found = plant.GetJointByName(joint, pepper)
+    return float(found.position_lower_limits()[0]), float(found.position_upper_limits()[0])

@@ -8,7 +8,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from pepper_drake.errors import InputError
-from pepper_drake.models.motion import FARTHEST, LONGEST
+from pepper_drake.models.motion import FARTHEST, LONGEST, check_angles
 from pepper_drake.models.pepper import (
     ARMS,
     MODELS_DIR,
@@ -42,8 +42,7 @@ class TeachingScript:
             raise InputError(
                 f'posture is "{self.posture}"; it must be one of {", ".join(POSTURES)}'
             )
-        if not np.all(np.abs(list(self.joints.values())) <= FARTHEST):
-            raise InputError(f"joints must hold finite numbers of at most {FARTHEST:g}")
+        check_angles(self.joints.values(), "joints")
         self.positions()
         if not 0.0 <= self.rest <= LONGEST:
             raise InputError(f"rest is {self.rest:g} s; it must be 0 to {LONGEST:g} s")

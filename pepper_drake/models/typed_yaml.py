@@ -122,7 +122,7 @@ def with_settings(
     for setting in settings:
         name, equals, value = setting.partition("=")
         if not equals or not re.fullmatch(r"\w+(\.\w+)*", name) or not value.strip():
-            raise InputError(f'--set "{setting}": give it as FIELD=VALUE, such as station.seed=3')
+            raise InputError(f'--set "{setting}": give it as FIELD=VALUE, such as seed=3')
         text = "".join(f"{'  ' * k}{key}:\n" for k, key in enumerate(name.split(".")))
         try:
             config = parse_yaml(

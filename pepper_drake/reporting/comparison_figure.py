@@ -32,7 +32,9 @@ def draw_comparison(
     for name, path in paths.items():
         space.plot(*path.positions.T, color=colors[name], lw=1.2, label=name)
     space.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    space.set_title(f"{demonstration.name}: demonstrated and reproduced", fontsize=10)
+    space.set_title(
+        f"{demonstration.name}: demonstrated and reproduced", fontsize=10, parse_math=False
+    )
     space.set_aspect("equal")
     space.locator_params(nbins=4)
     space.legend(fontsize=8, loc="center left", bbox_to_anchor=(-0.45, 0.5))

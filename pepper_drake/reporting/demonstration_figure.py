@@ -23,7 +23,7 @@ def draw_demonstration(demonstration: Demonstration, report: DemonstrationReport
         "Can this recording be learned from? "
         f"{report.name}: {report.samples} samples at {report.rate:.3g} Hz, {report.duration:.2f} s"
     )
-    figure.suptitle("\n".join([title, *report.warnings[:4]]), fontsize=10)
+    figure.suptitle("\n".join([title, *report.warnings[:4]]), fontsize=10, parse_math=False)
     grid = figure.add_gridspec(2, 2)
     t, p = demonstration.times, demonstration.positions
     axes = figure.add_subplot(grid[0, 0])

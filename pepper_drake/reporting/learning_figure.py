@@ -38,7 +38,8 @@ def draw_learning(
     figure.suptitle(
         f"Is {primitive.name} reproduced, and how does it adapt to other goals?"
         f" ({primitive.approximator} with {primitive.num_basis} basis functions,"
-        f" scaling '{primitive.translation.scaling}')"
+        f" scaling '{primitive.translation.scaling}')",
+        parse_math=False,
     )
     grid = figure.add_gridspec(3, 5)
     _draw_space(figure.add_subplot(grid[:2, :2], projection="3d"), primitive, demonstrations, path)
@@ -60,7 +61,8 @@ def draw_primitive(primitive: MovementPrimitive) -> Figure:
     figure = Figure(figsize=(11, 6), layout="constrained")
     figure.suptitle(
         f"{primitive.name}: {primitive.approximator} with {primitive.num_basis} basis functions,"
-        f" {primitive.duration:.2f} s"
+        f" {primitive.duration:.2f} s",
+        parse_math=False,
     )
     grid = figure.add_gridspec(3, 2, width_ratios=(3, 2), wspace=0.2)
     _draw_space(figure.add_subplot(grid[:, 0], projection="3d"), primitive, (), path)

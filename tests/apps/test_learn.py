@@ -70,6 +70,7 @@ def test_options_and_several_demonstrations(monkeypatch, tmp_path, capsys, motio
     [
         (["--approximator", "magic"], "approximator: 'magic' is unknown"),
         (["--num-basis", "0"], "at least 1"),
+        (["--via", "0.5", "300", "-200", "100"], "--via: 374 m from the torso"),
         (["--scaling", "magic"], "scaling: 'magic'"),
         (["--orientation", "magic"], "orientation: 'magic'"),
         (["--smooth", "-1"], "--smooth: -1.0 Hz is not positive"),

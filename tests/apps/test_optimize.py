@@ -176,6 +176,7 @@ def test_the_whole_arm_around_a_table(monkeypatch, tmp_path, capsys):
     ("options", "words"),
     [
         ([], "--goal: the hand ends at"),
+        (["--goal", "300", "-200", "100"], "--goal: 374 m from the torso"),
         (["--updates", "0"], "--updates, --seeds: use at least 1"),
         ([*AWAY, "--jobs", "0"], "jobs: 0; use at least 1"),
         ([*AWAY, "--decay", "2"], "decay: 2.0 is not above 0"),

@@ -1,5 +1,6 @@
 import json
 import math
+import re
 from functools import partial
 from pathlib import Path
 
@@ -134,6 +135,19 @@ def test_a_photo_without_the_marker_says_what_it_shows(run, own):
     code, out, _ = run(*options)
     assert code == 1
     assert "7 of DICT_4X4_1000" in out
+
+
+def test_a_depth_image_of_nothing_near_says_which_values_it_holds(run, own):
+    depth = cv2.imread(str(own / "depth.png"), cv2.IMREAD_UNCHANGED)
+    for image, words in (
+        (30 * depth, "its values, 36000 to 36000, are not 0.05 to 10 m; say .*--scale"),
+        (0 * depth + 65535, "0 % measured, 0 points\n"),
+    ):
+        cv2.imwrite(str(own / "other.png"), image)
+        options = ["--depth", own / "other.png", "--camera", own / "camera.yaml"]
+        code, out, _ = run(*options, "--output", own / "out")
+        assert code == 1
+        assert re.search(words, out)
 
 
 def test_it_makes_a_cloud_of_a_depth_image(run, own):

@@ -48,3 +48,6 @@ def test_bad_input_is_one_sentence_and_exit_code_2(run_app, tmp_path):
     result = run_app("reproduce", "--score", "11", "--output", tmp_path)
     assert result.returncode == 2
     assert result.stderr == "error: --score 11 must be from 0 to 10\n"
+    result = run_app("reproduce", "--goal", 300, -200, 100, "--output", tmp_path)
+    assert result.returncode == 2
+    assert result.stderr.startswith("error: --goal: 374 m from the torso")

@@ -136,6 +136,14 @@ def test_a_mesh_is_looked_for_beside_the_scene_first(tmp_path):
             r"line 5: goal.path\[1\] must be later",
         ),
         ("goal:", "goal:\n  pre_grasp: {position: [0, 0, 0]}", "goal.pre_grasp.rpy has 0 numbers"),
+        ("x: 0.1", "yaw: 90", "line 3: robot.yaw has an angle of 90, .*in radians"),
+        ("HeadYaw: 0.2", "HeadYaw: 20", "line 3: robot.joints has an angle of 20, .*in radians"),
+        ("HeadYaw: 0.2", "HeadPitch: 2", "line 3: robot.joints has HeadPitch at 2, beyond its lim"),
+        ("[1.0, 0.1, 0.7]", "[0.2, 0, 0.6]", "line 5: goal.position puts goal inside Pepper's"),
+        ("[1.1, 0, 0.69]", "[0.1, 0, 0.69]", r"line 10: obstacles\[0\].position puts board inside"),
+        ("goal:", "goal:\n  yaw: -45", "line 5: goal.yaw has an angle of -45"),
+        ("goal:", "goal:\n  marker: {rpy: [70, 0, -90]}", "line 5: goal.marker.rpy has an angle"),
+        ("shape: box", "rpy: [0, 0, 34]\n  shape: box", r"line 8: obstacles\[0\].rpy has an angle"),
         ("goal:", "goal:\n  color: [2, 0, 0, 1]", "goal.color must hold numbers from 0 to 1"),
     ],
 )
@@ -147,6 +155,19 @@ def test_bad_scenes_get_one_sentence_with_file_line_and_field(tmp_path, old, new
     assert message.startswith(str(tmp_path / "scene.yaml"))
     assert "\n" not in message
     assert re.search(r"line \d+", message)
+
+
+def test_meshes_in_millimetres_and_broken_ones_are_refused_by_file_and_field(tmp_path):
+    mesh = tmp_path / "thing.obj"
+    text = GOOD + "- {name: thing, shape: mesh, mesh: thing.obj, position: [1.2, -9, 0.7]}\n"
+    corners = "v 0 0 0\nv 80 0 0\nv 0 80 0\nv 0 0 80\n"
+    mesh.write_text(f"{corners}f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    with pytest.raises(InputError, match=r"line 11: obstacles\[1\].size makes .* 80 m .*0.001"):
+        load_text(tmp_path, text)
+    assert load_text(tmp_path, text.replace("mesh: th", "size: [0.001], mesh: th"))
+    mesh.write_text("v 0 0\n")
+    with pytest.raises(InputError, match=rf"line 11: obstacles\[1\].mesh: {re.escape(str(mesh))} "):
+        load_text(tmp_path, text)
 
 
 def test_two_obstacles_of_one_name(tmp_path):

@@ -13,6 +13,7 @@ from pepper_drake.learning.demonstrations.demonstration_files import (
     TRANSLATION,
 )
 from pepper_drake.learning.demonstrations.importers.bags import is_bag
+from pepper_drake.learning.demonstrations.importers.table import check_file
 from pepper_drake.learning.demonstrations.recording import PARTIAL
 
 
@@ -29,6 +30,7 @@ def load_all(paths: Sequence[str | Path]) -> list[Demonstration]:
 
 
 def _find(path: Path) -> list[Path]:
+    check_file(path)
     own = (TRANSLATION, PARTIAL, JOINTS)
     if not path.is_dir() or any((path / name).exists() for name in own) or is_bag(path):
         return [path]

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError
+from pepper_drake.errors import InputError, one_line
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations import arm_chain as arms
 from pepper_drake.learning.demonstrations.arm_chain import ARMS, arm_chain, joint_limits, rotate
@@ -69,6 +69,9 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     """
     track = track.without_repeats()
     notes = [f"read as {track.kind}", *track.notes]
+    if track.velocities is None and track.accelerations is not None:
+        track = replace(track, accelerations=None)  # An accelerometer's, which feel gravity, too.
+        notes.append("accelerations without velocities were left out")
     track = _with_times(track, options, notes)
     _refuse_order(track)
     positions, scale = _positions(track, options, notes)
@@ -92,6 +95,9 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
     placed = _Placed(positions, rates[0], rates[1], rotations)
     if track.positions is not None:
         placed = _in_torso(placed, track, options, notes)
+    if options.drop_outliers:
+        placed, joints, track = _without_outliers(placed, joints, track, notes)
+    assert track.times is not None
     where = track.where
     notes += _taken_as(track, options)
     unit_known = (options.unit or track.unit) is not None
@@ -102,10 +108,6 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
         refuse_rest(placed.positions, placed.rotations, where)
     if options.time is None and track.time_unit is None:
         refuse_time(track.times, placed.positions, where)
-    if options.drop_outliers:
-        placed, joints, track = _without_outliers(placed, joints, track, notes)
-        where = track.where
-    assert track.times is not None
     refuse_jumps(track.times, placed.positions, where)
     try:
         demonstration = Demonstration.from_positions(
@@ -116,7 +118,7 @@ def interpret(track: Track, options: ImportOptions) -> Demonstration:
             rotations=placed.rotations,
             joints=joints,
             joint_names=names,
-            name=track.name,
+            name=one_line(track.name),
         )
     except InputError as error:
         raise InputError(f"{track.path}: {error}") from None
@@ -167,12 +169,19 @@ def interpret_joints(track: Track, options: ImportOptions) -> JointRecording:
     unit = options.angle or track.joint_unit or "rad"
     joints = track.joints[:, kept] * ANGLES[unit]
     names = tuple(str(found[k]) for k in kept)
-    if len(set(names)) < len(names):
-        raise InputError(f"{track.path}: a joint has two columns ({', '.join(names)[:80]})")
+    _refuse_repeated(track, names)
     if options.clip_joints:
         joints = arms.clip_to_limits(joints, names, notes)
     refuse_limits(joints, names, track.where)
-    return JointRecording(track.name, track.times, joints, names, tuple(notes))
+    return JointRecording(one_line(track.name), track.times, joints, names, tuple(notes))
+
+
+def _refuse_repeated(track: Track, names: Sequence[str | None]) -> None:
+    """Refuses a joint with two columns: which of them is meant is not known."""
+    known = [name for name in names if name is not None]
+    twice = next((name for name in known if known.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"{track.path}: {twice} has two columns; leave out one")
 
 
 @dataclass(frozen=True)
@@ -251,7 +260,10 @@ def _with_times(track: Track, options: ImportOptions, notes: list[str]) -> Track
         raise InputError(f"{track.path}: {track.num_samples} samples; a motion needs at least 4")
     if times is None:
         if options.rate is None:
-            raise InputError(f"{track.path}: no times in it; say the samples a second (--rate HZ)")
+            raise InputError(
+                f"{track.path}: no times in it; name their column time, or say the samples a second"
+                " (--rate HZ)"
+            )
         return replace(track, times=np.arange(track.num_samples) / options.rate, time_unit="s")
     if options.rate is not None:
         notes.append(f"times are those of {options.rate:g} samples a second, as given")
@@ -279,10 +291,15 @@ def _refuse_order(track: Track) -> None:
     back = np.flatnonzero(np.diff(track.times) <= 0.0)
     if len(back):
         k = int(back[0])
+        mend = "remove one of them, or say --rate HZ where the samples are even"
+        if track.times[k + 1] < track.times[k]:
+            mend = (
+                "are there two recordings in it? Cut it there; if only the clock began anew, say"
+                " --rate HZ"
+            )
         raise InputError(
             f"{track.where(k + 1)}: time {track.times[k + 1]:.10g} s does not come after"
-            f" {track.times[k]:.10g} s; rows must be in order of time, each time once (remove one"
-            " of them, or say --rate HZ where the samples are even)"
+            f" {track.times[k]:.10g} s; rows must be in order of time, each time once ({mend})"
         )
 
 
@@ -364,6 +381,7 @@ def _joints(
     if track.joints is None:
         return options.arm, None, ()
     names = [joint_of(name) for name in track.joint_names]
+    _refuse_repeated(track, names)
     whole = [arm for arm in ARMS if set(arm_chain(arm).joint_names) <= set(names)]
     if options.arm is not None and whole and options.arm not in whole:
         raise InputError(

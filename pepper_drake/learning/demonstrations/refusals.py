@@ -32,6 +32,9 @@ FASTEST = 6.0
 FASTEST_TURN = 40.0
 """Largest angular speed of a hand [rad/s]."""
 
+FIERCEST, FIERCEST_TURN = 70.0, 700.0
+"""Largest acceleration of a hand [m/s², rad/s²]: an arm's fastest strokes reach 50 m/s²."""
+
 LONGEST_GAP = 10.0
 """Longest gap between samples [s]; the motion in a longer one is unknown."""
 
@@ -51,12 +54,18 @@ LIMIT_SLACK = 0.06
 HAND_DISTANCE, HAND_TURN = 0.03, 0.2
 """Largest median difference of the hand's pose from forward kinematics [m, rad]."""
 
+_ASIDE = 0.1
+"""A hand that is on average this far to one side [m] is of the arm on that side."""
+
 _UP = np.array([0.0, 0.0, 0.82])
 """Position of the torso above the floor [m]."""
 
 _DERIVATIVE_SHARE = 0.3
-_OUTLIER = 0.03
+_OUTLIER, _TURN_OUTLIER = 0.03, 0.3
+"""Shortest jump [m, rad]."""
 _FEW = 8
+_BESIDE, _TIMES_USUAL = 5, 5.0
+"""A jump is this many times as long as the steps beside it, of which so many are looked at."""
 
 
 def refuse_impossible(demonstration: "Demonstration", where: Where | None = None) -> None:
@@ -88,6 +97,13 @@ def refuse_far(positions: Array, label: Where, unit_known: bool = False) -> None
     k = int(np.argmax(far))
     if far[k] <= FARTHEST:
         return
+    lost = np.flatnonzero(_far_off(positions))
+    if len(lost):
+        raise InputError(
+            f"{label(int(lost[0]))}: the hand would be {far[lost[0]]:.3g} m from the torso, where"
+            f" all but {len(lost)} samples are within {FARTHEST:g} m: a number in place of what was"
+            " not measured? Remove the rows (or say --drop-outliers)"
+        )
     units = [
         f"{word} (--unit {unit})"
         for unit, word, size in (("mm", "millimetres", 1e-3), ("cm", "centimetres", 1e-2))
@@ -101,6 +117,21 @@ def refuse_far(positions: Array, label: Where, unit_known: bool = False) -> None
         f"{label(k)}: the hand would be {far[k]:.3g} m from the torso, and the arm reaches 0.41 m;"
         f" positions must be metres in the torso frame: {hint}"
     )
+
+
+def refuse_far_place(place: npt.ArrayLike, name: str) -> None:
+    """Refuses a place (3,) [m] in the torso frame, given by a user, at which no hand can be.
+
+    Args:
+        place: The place.
+        name: Its option, for the message.
+    """
+    far = float(np.linalg.norm(np.asarray(place, dtype=float)))
+    if far > FARTHEST:
+        raise InputError(
+            f"{name}: {far:.3g} m from the torso, and the arm reaches 0.41 m; give metres in the"
+            " torso frame"
+        )
 
 
 def refuse_unreached(positions: Array, label: Where, unit_known: bool = False) -> None:
@@ -175,11 +206,23 @@ def refuse_time(times: Array, positions: Array, label: Where) -> None:
         )
 
 
+def _far_off(positions: Array) -> npt.NDArray[np.bool_]:
+    """Tells which samples are far beyond all others, and farther than a hand can be (N,).
+
+    None are where most samples are as far: these have another unit or frame.
+    """
+    far = np.linalg.norm(positions, axis=1)
+    near = far <= FARTHEST
+    if 2 * int(near.sum()) <= len(far):
+        return np.zeros(len(far), dtype=bool)
+    return np.asarray(far > max(FARTHEST, 2.0 * float(far[near].max())))
+
+
 def find_outliers(times: Array, positions: Array) -> npt.NDArray[np.int64]:
     """Returns the samples that jump away and back: outliers from the line between their neighbours.
 
     Their distance from it exceeds 3 cm, ten times the median over all samples, and one and a half
-    times the distance between the neighbours.
+    times the distance between the neighbours. Samples farther than a hand can be are outliers, too.
     """
     if len(times) < _FEW:
         return np.empty(0, dtype=np.int64)
@@ -187,8 +230,36 @@ def find_outliers(times: Array, positions: Array) -> npt.NDArray[np.int64]:
     between = positions[:-2] + share * (positions[2:] - positions[:-2])
     away = np.linalg.norm(positions[1:-1] - between, axis=1)
     apart = np.linalg.norm(positions[2:] - positions[:-2], axis=1)
-    far = (away > _OUTLIER) & (away > 10.0 * np.median(away)) & (away > 1.5 * apart)
-    return np.flatnonzero(far) + 1
+    lost = _far_off(positions)
+    lost[1:-1] |= (away > _OUTLIER) & (away > 10.0 * np.median(away)) & (away > 1.5 * apart)
+    return np.flatnonzero(lost)
+
+
+def find_jump(times: Array, steps: Array, shortest: float, fiercest: float) -> int | None:
+    """Returns the number of a step that is far longer than those beside it, None if none is.
+
+    At the ends and between two places, a jump does not show by going back. The hand would need more
+    than its acceleration for it. Steps of no length are passed over: a sensor may be slower than
+    the log, and a hand may rest.
+
+    Args:
+        times: (N,) [s].
+        steps: (N - 1,) distances between neighbouring samples [m or rad].
+        shortest: Shortest jump [m or rad].
+        fiercest: Largest acceleration of a hand [m/s² or rad/s²].
+    """
+    moved = np.flatnonzero(steps > 1e-9)
+    if len(times) < _FEW:
+        return None
+    for place in np.flatnonzero(steps[moved] > shortest):
+        k = int(moved[place])
+        beside = moved[max(0, place - _BESIDE) : place + _BESIDE + 1]
+        beside = beside[beside != k]
+        usual = float(np.median(steps[beside])) if len(beside) else 0.0
+        acceleration = (steps[k] - usual) / (times[k + 1] - times[k]) ** 2
+        if steps[k] > _TIMES_USUAL * usual and acceleration > fiercest:
+            return k
+    return None
 
 
 def refuse_jumps(times: Array, positions: Array, label: Where) -> None:
@@ -197,9 +268,10 @@ def refuse_jumps(times: Array, positions: Array, label: Where) -> None:
     usual = float(np.median(steps))
     zero = np.flatnonzero(np.all(positions == 0.0, axis=1))
     for k in zero[:1] if 0 < len(zero) < len(positions) else ():
-        beside = [steps[i] for i in (k - 1, k) if 0 <= i < len(steps)]
+        beside = np.union1d(zero - 1, zero)
+        beside = steps[beside[(beside >= 0) & (beside < len(steps))]]
         run = steps[steps > 0.0]
-        if len(times) >= _FEW and max(beside) > max(0.02, 5.0 * float(np.median(run))):
+        if len(times) >= _FEW and beside.max() > max(0.02, 5.0 * float(np.median(run))):
             raise InputError(
                 f"{label(int(k))}: a jump to 0 0 0 (an outlier: the tracker was lost there);"
                 f" remove the row ({len(zero)} such)"
@@ -231,7 +303,11 @@ def refuse_jumps(times: Array, positions: Array, label: Where) -> None:
             f"{label(j + stride)}: the hand at {fast[j]:.3g} m/s; are positions metres and times"
             " seconds (--unit, --time)?"
         )
+    jump = find_jump(times, steps, _OUTLIER, FIERCEST)
     if len(times) >= _FEW and steps[k] > max(0.10, 20.0 * usual) and speeds[k] > 1.0:
+        jump = k
+    if jump is not None:
+        k = jump
         raise InputError(
             f"{label(k + 1)}: a jump of {100 * steps[k]:.0f} cm where the hand moves"
             f" {1000 * usual:.1f} mm from sample to sample; remove what is wrong there"
@@ -264,7 +340,11 @@ def refuse_turns(times: Array, rotations: Array, label: Where) -> None:
     sizes = np.linalg.norm(turns, axis=1)
     rates = sizes / np.diff(times)
     k = int(np.argmax(rates))
+    jump = find_jump(times, sizes, _TURN_OUTLIER, FIERCEST_TURN)
     if rates[k] > FASTEST_TURN and sizes[k] > 0.5:
+        jump = k
+    if jump is not None:
+        k = jump
         raise InputError(
             f"{label(k + 1)}: the hand turns by {np.degrees(sizes[k]):.0f} degrees in"
             f" {np.diff(times)[k]:.2g} s; are angles in degrees (--angle deg), or was the tracker"
@@ -343,13 +423,21 @@ def refuse_unlike(demonstrations: "list[Demonstration]") -> None:
 
     Sizes and durations may differ by a factor of 10. The displacements from the start, over
     relative time, must agree in direction: their normalised correlation with the mean of the
-    others' is at least 0.3.
+    others' is at least 0.3. They must be on the same side of the torso.
 
     Raises:
         InputError: Naming the one that is unlike the others.
     """
     if len(demonstrations) < 2:
         return
+    sides = [_side(demo) for demo in demonstrations]
+    first = next((side for side in sides if side), "")
+    for demo, side in zip(demonstrations, sides, strict=True):
+        if side not in ("", first):
+            raise InputError(
+                f"{demo.name}: it is a motion of the {side} arm, and another demonstration one of"
+                f" the {first}: their mean is neither; learn each by itself"
+            )
     share = np.linspace(0.0, 1.0, 60)
     paths = []
     for demo in demonstrations:
@@ -382,6 +470,13 @@ def refuse_unlike(demonstrations: "list[Demonstration]") -> None:
                 f"{demonstrations[k].name}: it moves differently from the other demonstrations"
                 f" (correlation {likeness:.2f}): they are not alike; learn it by itself"
             )
+
+
+def _side(demonstration: "Demonstration") -> str:
+    """Returns the arm of a demonstration, by its joints or its side of the torso, "" if unsure."""
+    arm = arm_of(demonstration.joint_names)
+    aside = float(demonstration.positions[:, 1].mean())
+    return arm or ("" if abs(aside) < _ASIDE else "left" if aside > 0.0 else "right")
 
 
 def turn_between(one: Array, other: Array) -> float:

@@ -39,9 +39,12 @@ def parse_table(
         fields = content.split(separator)
         if len(fields) != (width or len(fields)) or len(fields) not in columns:
             expected = str(width) if width else " or ".join(str(c) for c in columns)
+            mend = ""
+            if separator is None and (other := next((s for s in ",;|" if s in content), None)):
+                mend = f"; separate them by spaces, not by {other!r}, with decimal points"
             raise InputError(
                 f"{path}, line {number}: {len(fields)} columns where {expected} are expected"
-                f" ({meaning})"
+                f" ({meaning}){mend}"
             )
         width = len(fields)
         rows.append([_number(field, path, number) for field in fields])

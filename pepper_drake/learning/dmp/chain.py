@@ -38,6 +38,9 @@ from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.learning.dmp.rollout_arguments import check_seconds, vector
 from pepper_drake.short_repr import short_repr
 
+_LONGEST = 1e4
+"""Longest duration of a movement [s]."""
+
 Array = npt.NDArray[np.float64]
 
 BLEND = 0.8
@@ -304,8 +307,8 @@ def _duration(step: Step) -> float:
     if tau is None:
         assert step.primitive is not None
         tau = step.primitive.duration
-    if not (np.isfinite(tau) and 0.0 < tau < 1e4):
-        raise InputError(f"duration: {tau} is not a positive number of seconds")
+    if not (np.isfinite(tau) and 0.0 < tau < _LONGEST):
+        raise InputError(f"duration: {tau} s; a movement lasts above 0 and below {_LONGEST:g} s")
     return float(tau)
 
 

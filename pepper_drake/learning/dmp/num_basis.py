@@ -6,12 +6,17 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.errors import InputError
+
 T = TypeVar("T")
 
 DEFAULT_NUM_BASIS = 40
 """Default number of basis functions, for some seconds of arm movement."""
 
 _FEWEST_NUM_BASIS, _MOST_NUM_BASIS = 8, 320
+
+_MOST_GIVEN = 1000
+"""Largest number that may be given: the memory of a fit grows with its square, 200 MB at this."""
 
 _FEWEST_EACH, _FILLED_EACH = 2, 6
 """With fewer samples per basis function than the first, samples are interpolated to the density of
@@ -21,6 +26,23 @@ MOST_SAMPLES = 6000
 """Largest number of samples of a fit."""
 COMPARED = 400
 """Number of points at which a fit is compared with its demonstration."""
+
+
+def check_num_basis(num_basis: int, name: str = "num_basis", least: int = 1) -> None:
+    """Checks a number of basis functions that was given.
+
+    Args:
+        num_basis: The number.
+        name: Its name in the message.
+        least: The least that can be used.
+
+    Raises:
+        InputError: There are too few or too many.
+    """
+    if not least <= num_basis <= _MOST_GIVEN:
+        raise InputError(
+            f"{name}: {num_basis} basis functions; use at least {least} and at most {_MOST_GIVEN}"
+        )
 
 
 def longest_step(times: npt.NDArray[np.float64], num_basis: int) -> float:

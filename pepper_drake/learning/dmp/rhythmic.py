@@ -26,6 +26,7 @@ from pepper_drake.errors import InputError
 from pepper_drake.files import write_atomically
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.demonstrations.demonstration import Demonstration
+from pepper_drake.learning.dmp.num_basis import check_num_basis
 from pepper_drake.learning.dmp.primitive import Path3D
 from pepper_drake.learning.dmp.rollout_arguments import check_seconds
 from pepper_drake.learning.least_squares import ridge_solver
@@ -299,8 +300,7 @@ def fit_rhythmic(
     Raises:
         InputError: Too few basis functions, or less than one period of motion.
     """
-    if num_basis < 3:
-        raise InputError(f"num_basis: {num_basis} basis functions; a circle needs at least 3")
+    check_num_basis(num_basis, least=3)
     turn = find_period(demonstration) if period is None else float(period)
     if not 0 < turn <= demonstration.duration * 1.02:
         raise InputError(

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.errors import InputError
 from pepper_drake.learning.approximators.registry import (
     ForcingData,
     ForcingModel,
     LinearForcingModel,
     get_approximator,
 )
+from pepper_drake.learning.dmp.num_basis import check_num_basis
 from pepper_drake.learning.dmp.scaling import (
     MotionFrame,
     check_scaling,
@@ -292,12 +292,11 @@ def learn_attractor(
     Of several motions, start, goal, extent and start velocity are the means.
 
     Raises:
-        InputError: An unknown name, a number of basis functions below 1, or a motion that the
+        InputError: An unknown name, too few or too many basis functions, or a motion that the
             scaling cannot express.
     """
     check_scaling(scaling)
-    if num_basis < 1:
-        raise InputError(f"num_basis: {num_basis} basis functions; use at least 1")
+    check_num_basis(num_basis)
     fit = get_approximator(approximator).fit
     frame = MotionFrame(
         start=np.mean([s.positions[0] for s in samples], axis=0),

@@ -70,6 +70,9 @@ _MODEL_NAMES = (
 _OFF_CENTRE = 0.15
 """Largest offset of the principal point from the image's centre, as a fraction of its size."""
 
+_SHORTEST_FOCAL = 0.1
+"""Shortest focal length, as a fraction of the width: 157 degrees, as no pinhole has."""
+
 _LARGEST = 2**20
 """Largest calibration file [bytes]."""
 
@@ -219,6 +222,12 @@ def _intrinsics(entries: Mapping[str, Any], where: str) -> CameraIntrinsics:
                 f"{where}: the principal point is at {axis} = {center:g} of {length} pixels, far "
                 "from the middle; is the matrix of images of another size?"
             )
+    if camera.focal_x < _SHORTEST_FOCAL * size[0]:
+        raise InputError(
+            f"{where}: a focal length of {camera.focal_x:g} pixels would be a view of "
+            f"{2 * math.degrees(math.atan(size[0] / 2 / camera.focal_x)):.0f} degrees; is it in "
+            "millimetres? Divide it by the size of a pixel."
+        )
     return camera
 
 

@@ -131,9 +131,14 @@ def depth_in_metres(
     with np.errstate(invalid="ignore"):
         measured = (metres >= intrinsics.near) & (metres <= intrinsics.far)
     if whole:
-        measured &= (depth != 65535) & (depth != 2047)
+        measured &= ~hole_codes(depth)
     metres[~measured] = 0
     return metres
+
+
+def hole_codes(depth: npt.NDArray[np.generic]) -> Mask:
+    """Tells which whole numbers of a depth image are the drivers' codes of holes."""
+    return np.asarray((depth == 65535) | (depth == 2047))
 
 
 def _check_unit(depth: npt.NDArray[np.generic], whole: bool, scale: float | None) -> None:
@@ -142,7 +147,7 @@ def _check_unit(depth: npt.NDArray[np.generic], whole: bool, scale: float | None
     with np.errstate(invalid="ignore"):
         values = values[np.isfinite(values) & (values > 0)]
     if whole:
-        values = values[(values != 65535) & (values != 2047)]
+        values = values[~hole_codes(values)]
         near = values.size > _MANY * depth.size / 49 and values.max() < _NEAREST_MM
         if scale is None and (depth.dtype.itemsize == 1 or near):
             raise InputError(

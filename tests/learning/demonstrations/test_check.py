@@ -66,8 +66,10 @@ def test_demonstrations_of_one_movement_are_alike():
         (Demonstration.from_positions(T, 0.001 * P, name="mm"), "not alike; are their units"),
         (Demonstration.from_positions(1000 * T, P, name="ms"), "not alike; are their units"),
         (Demonstration.from_positions(T, P[::-1], name="back"), "differently from the other"),
+        (MOTION.mirrored(), "a motion of the left arm, .* the right"),
+        (Demonstration.from_positions(T, P * [1, -1, 1]), "a motion of the left arm, .* the right"),
     ],
-    ids=["millimetres", "milliseconds", "backwards"],
+    ids=["millimetres", "milliseconds", "backwards", "the other arm", "the other side"],
 )
 def test_demonstrations_that_are_not_alike_are_refused(other, words):
     with pytest.raises(InputError, match=words):

@@ -14,6 +14,7 @@ from pepper_drake.learning.demonstrations.demonstration_files import (
     read_demonstrations,
     read_joint_recording,
 )
+from pepper_drake.learning.demonstrations.demonstration_folder import load_all
 
 from .importers.recordings import NAMES, make_motion, table, turn, write, xyzw
 
@@ -53,6 +54,10 @@ def lined(first, *columns, header=""):
 CSV = table(T, P, header=XYZ)
 ANGLES = np.unwrap(so3.to_angles(Q), axis=0)
 MATRICES = Rotation.from_quat(xyzw(MOTION)).as_matrix()
+LOST = so3.multiply(so3.exp_map(np.array([[0.0, 0.5, 0.0]])), Q[30:31])
+"""An orientation half a radian away: 25 rad/s, which a hand can turn at, but not from rest."""
+POSES = np.tile(np.eye(4), (len(T), 1, 1))
+POSES[:, :3, :3], POSES[:, :3, 3] = MATRICES, P
 
 READ = {
     "UTF-16": (recoded(CSV, "utf-16"), {}),
@@ -79,6 +84,19 @@ READ = {
     "matrices of KITTI": (
         rows(np.concatenate((MATRICES, P[:, :, None]), axis=2).reshape(len(T), 12)),
         {"rate": 50.0},
+    ),
+    "matrices column by column, as Franka's O_T_EE": (
+        rows(T, POSES.swapaxes(1, 2).reshape(len(T), 16)),
+        {},
+    ),
+    "an accelerometer beside positions": (
+        table(T, A + [0, 0, 9.81], P, header="time,accel_x,accel_y,accel_z,x,y,z"),
+        {},
+    ),
+    "times of a trajectory": (table(T, J, header=JOINTS.replace("time", "time_from_start")), {}),
+    "numbers for what was not measured, to be left out": (
+        rows(T, hurt(P, slice(50, 53), 9999.0)),
+        {"drop_outliers": True},
     ),
     "what was commanded beside what was measured": (
         table(
@@ -234,6 +252,29 @@ REFUSED = {
     "four samples lost": (rows(T, hurt(P, slice(50, 54), 0.0)), r"line 51: .*\(4 such\)"),
     "an outlier": (rows(T, hurt(P, 50, P[50] + 0.1)), "line 51: an outlier.*--drop-outliers"),
     "a jump": (rows(T, hurt(P, slice(50, None), P[50:] + 0.2)), "line 51: a jump of 35 cm"),
+    "zeros until the tracker found it": (
+        rows(T, hurt(P, slice(12), 0.0)),
+        "line 1: .*0 0 0.*12 such",
+    ),
+    "a number for what was not measured": (
+        rows(T, hurt(P, slice(50, 54), 9999.0)),
+        "line 51: .* all but 4 samples are within 2 m.*--drop-outliers",
+    ),
+    "a first sample of the last take": (rows(T, hurt(P, 0, P[0] + 0.04)), "line 2: a jump of 7 cm"),
+    "two samples of the last take": (
+        rows(T, hurt(P, slice(2), P[:2] + 0.04)),
+        "line 3: a jump of 7 cm",
+    ),
+    "a last number that is cut off": (
+        rows(T, hurt(P, (-1, 2), P[-1, 2] + 0.04)),
+        "line 101: a jump of 4 cm",
+    ),
+    "orientations of another take": (
+        table(T, P, hurt(Q, slice(30, 33), LOST), header=f"{XYZ},qw,qx,qy,qz"),
+        "line 32: the hand turns by .* tracker lost",
+    ),
+    "a name for the time that is not known": (CSV.replace("time", "Zeit"), "name their column"),
+    "a page in place of the file": ("\n\n<!doctype html>\n<html>", "a web page in place"),
     "an order that is not said": (
         table(T, P + [0.3, 0.5, 0.2], xyzw(MOTION), separator=" "),
         "--quaternion wxyz or --quaternion xyzw",
@@ -271,6 +312,10 @@ REFUSED = {
         table(np.insert(T, 9, T[9]), np.insert(P, 9, P[9] + 1e-4, axis=0), header=XYZ),
         "line 12: time .* each time once",
     ),
+    "two takes in one file": (
+        table(np.r_[T, T], np.r_[P, P], header=XYZ),
+        "line 103: time 0 s does not come after 2 s.*two recordings in it. Cut it there",
+    ),
     "x in m and y in mm": (
         table(T, P * [1, 1e3, 1], header="time,x [m],y [mm],z [m]"),
         "different units",
@@ -304,6 +349,38 @@ def folder(path, positions=P, angles=None, joints=J):
     if joints is not None:
         write(path / "joints.csv", table(T, joints, header=JOINTS))
     return path
+
+
+def test_a_folder_with_other_separators_is_told_which_it_takes(tmp_path):
+    for separator in (",", ";"):
+        write(tmp_path / "translation.txt", table(T, P, separator=separator))
+        with pytest.raises(InputError, match=r"line 1: 1 columns .*separate them by spaces"):
+            Demonstration.load(tmp_path)
+
+
+def test_a_folder_without_permission_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda path, mode: False)  # Root may read any.
+    for read in (Demonstration.load, lambda path: load_all([path])):
+        with pytest.raises(InputError, match=rf"{tmp_path}: cannot be read .*permissions"):
+            read(tmp_path)
+
+
+def test_a_joint_with_two_columns_in_a_folder_is_refused(tmp_path):
+    write(tmp_path / "joints.csv", table(T, J, J[:, 0] + 0.1, header=f"{JOINTS},RShoulderPitch"))
+    with pytest.raises(InputError, match=r"RShoulderPitch has two columns"):
+        Demonstration.load(tmp_path)
+
+
+def test_a_name_that_no_figure_can_draw_is_shown_by_its_codes(tmp_path):
+    path = write(tmp_path / "\udcdcbung\n1.csv", CSV)
+    assert Demonstration.load(path).name == r"\udcdcbung\n1"
+    path = write(tmp_path / "\udcdc.csv", table(T, J, header=JOINTS))
+    assert read_joint_recording(path).name == r"\udcdc"
+
+
+def test_a_sensor_slower_than_the_log_does_not_jump(tmp_path):
+    held = P[(np.arange(len(T)) // 5) * 5]
+    assert len(Demonstration.load(write(tmp_path / "held.txt", rows(0.4 * T, held))).times)
 
 
 def test_hand_and_joints_that_disagree_are_refused(tmp_path):

@@ -182,6 +182,7 @@ def test_the_hand_turns_on_without_a_jump():
         ([Step(TAUGHT[0]), Step(None)], "movement 2: say how long it waits"),
         ([Step(TAUGHT[0], goal=[0.0, np.nan, 0.0])], "goal of movement 1"),
         ([Step(TAUGHT[0], duration=-1.0)], "duration: -1.0"),
+        ([Step(TAUGHT[0]), Step(None, duration=1e9)], "above 0 and below 10000 s"),
         ([Step(TAUGHT[0], via=((1.5, [0, 0, 0]),))], "via points: give shares"),
     ],
 )

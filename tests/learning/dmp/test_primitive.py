@@ -291,6 +291,7 @@ def test_a_demonstration_without_orientation_and_joints_has_none():
     [
         (lambda d: MovementPrimitive.fit([]), "none given"),
         (lambda d: MovementPrimitive.fit(d, num_basis=0), "at least 1"),
+        (lambda d: MovementPrimitive.fit(d, num_basis=1001), "at most 1000"),
         (lambda d: MovementPrimitive.fit(d, scaling="big"), "scaling: 'big'"),
         (lambda d: MovementPrimitive.fit(d, approximator="magic"), "approximator: 'magic'"),
         (lambda d: MovementPrimitive.fit(d, orientation="matrix"), "orientation: 'matrix'"),

@@ -158,6 +158,10 @@ BAD = {
         ROS.replace("[610.5, 0.0, 320.25, 0.0, 612.75, 238.5", "[0.95, 0, 0.5, 0, 1.28, 0.5"),
         "principal point",
     ),
+    "focal lengths in millimetres": (
+        ROS.replace("610.5", "4.2").replace("612.75", "4.2"),
+        "4.2 pixels would be a view of 178 degrees; is it in millimetres",
+    ),
     "ROS's INI": ("# oST version 5.0 parameters\n[image]\nwidth\n640\n", "INI"),
     "fisheye": (ROS.replace("plumb_bob", "equidistant"), "fisheye"),
     "unknown model": (ROS.replace("plumb_bob", "spherical"), "spherical"),

@@ -24,6 +24,10 @@ _MOST_MESSAGES = 2_000_000
 EXTRA = 'pip install "pepper-drake[formats]"'
 
 
+_REPAIR = "rosbag reindex, ros2 bag reindex or mcap recover"
+"""Commands that repair a bag that was not closed: of ROS 1, ROS 2, MCAP."""
+
+
 def is_bag(path: Path) -> bool:
     """Tells whether a path is a bag: a file by its suffix, a folder by its metadata.yaml."""
     return path.suffix in SUFFIXES or (path.is_dir() and (path / "metadata.yaml").is_file())
@@ -214,7 +218,10 @@ def _ros_messages(path: Path) -> Iterator[tuple[str, str, float, Any]]:
                     message = reader.deserialize(data, connection.msgtype)
                     yield connection.topic, connection.msgtype, float(log_time), message
     except Exception as error:  # rosbags may raise anything.
-        raise InputError(f"{path}: not a bag that can be read ({_short(error)})") from None
+        raise InputError(
+            f"{path}: not a bag that can be read ({_short(error)}); was its recording broken off?"
+            f" Repair it with {_REPAIR}"
+        ) from None
 
 
 def _is_json_mcap(path: Path) -> bool:

@@ -80,6 +80,8 @@ _COMMANDS = {
 _MEASURED = {"actual", "act", "measured", "meas", "state", "sensor"}
 
 _TIME = {"time", "timestamp", "t", "stamp", "timestamps", "clock", "elapsed", "secs", "seconds"}
+_TIME_PHRASES = {("time", "from", "start"), ("time", "since", "start")}
+"""Names of more words: MoveIt's and ros2_control's trajectories."""
 _POSITION = {
     "p", "pos", "position", "positions", "translation", "trans", "t", "point", "xyz", "coord",
     "coordinate", "location", "loc",
@@ -163,6 +165,8 @@ def _ends_with_unit(words: list[str]) -> bool:
 
 def _meaning(words: list[str], unit: str | None) -> Meaning | None:
     last = words[-1]
+    if tuple(words) in _TIME_PHRASES:
+        words, last = ["time"], "time"
     if (last in _TIME and (len(words) == 1 or last != "t")) or words[0] in ("time", "timestamp"):
         if len(words) > 2 and "stamp" not in words:
             return None

@@ -26,6 +26,9 @@ MEANINGS = (
 _MATRICES = (12, 13, 16, 17)
 """Columns of a 3 x 4 or 4 x 4 matrix, without and with a time."""
 
+_LAST_ROW = (0.0, 0.0, 0.0, 1.0)
+"""Last row of a 4 x 4 matrix of a pose."""
+
 _AGREES = 0.1
 """Largest error of the integral of a derivative, as a share of the column's range."""
 
@@ -141,9 +144,17 @@ def _trajectory(base: Track, values: Array, d: int) -> Track:
 
 
 def _matrices(base: Track, values: Array) -> Track | None:
-    """Returns poses from rows of a 3 x 4 or 4 x 4 matrix (KITTI), or None if they are not poses."""
+    """Returns poses from a 3 x 4 or 4 x 4 matrix in each row (KITTI), or None if they are no poses.
+
+    A 4 x 4 matrix may be written row by row or column by column: its last row tells.
+    """
     timed = values.shape[1] % 2
     matrices = values[:, timed:].reshape(len(values), -1, 4)
+    if matrices.shape[1] == 4:
+        if np.abs(matrices[:, :, 3] - _LAST_ROW).max() < 1e-6:  # Column by column: Franka's O_T_EE.
+            matrices = matrices.swapaxes(1, 2)
+        if np.abs(matrices[:, 3] - _LAST_ROW).max() > 1e-6:
+            return None
     turns = matrices[:, :3, :3]
     square = np.abs(turns @ turns.swapaxes(1, 2) - np.eye(3)).max()
     if square > 1e-2 or np.linalg.det(turns).min() < 0.9:

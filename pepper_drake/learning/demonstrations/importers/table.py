@@ -2,6 +2,7 @@
 
 import csv
 import math
+import os
 import re
 import stat
 from collections.abc import Sequence
@@ -48,7 +49,7 @@ class Table:
 
 
 def check_file(path: Path) -> None:
-    """Refuses a missing or oversized file, a pipe or device, and a Git LFS pointer.
+    """Refuses a missing or oversized file, a closed folder, a pipe, a device, a Git LFS pointer.
 
     Raises:
         InputError: The message says what to do.
@@ -61,6 +62,8 @@ def check_file(path: Path) -> None:
         raise InputError(f"{path}: cannot be read ({error})") from None
     if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
         raise InputError(f"{path}: not a file (a pipe or a device); give a file")
+    if stat.S_ISDIR(status.st_mode) and not os.access(path, os.R_OK | os.X_OK):
+        raise InputError(f"{path}: cannot be read (Permission denied); change its permissions")
     if stat.S_ISREG(status.st_mode) and status.st_size > LARGEST:
         raise InputError(
             f"{path}: {status.st_size / 2**20:.0f} MiB; a recording of a movement has at most"

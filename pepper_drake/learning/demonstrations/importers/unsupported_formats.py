@@ -38,10 +38,16 @@ _STARTS: tuple[tuple[bytes, str, str], ...] = (
     (b"comment,", "an export of OptiTrack before version 1.2", "export it again with Motive's CSV"),
     (b"PathFileType", "an OpenSim TRC file", _TABLE),
     (b"NO_OF_FRAMES", "a Qualisys TSV file", f"{_TABLE}; its units are mm (--unit mm)"),
+    (
+        b"#ROSBAG V2",
+        "a ROS bag by another name",
+        "call it .bag; of .bag.active, rosbag reindex first",
+    ),
     (b"#ROSBAG V1", "a ROS bag of version 1.x", "convert it (rosbag fix), then give it"),
-    (b"<!DOCTYPE", "a web page in place of the file", "download the file itself"),
-    (b"<html", "a web page in place of the file", "download the file itself"),
 )
+
+_PAGE = (b"<!doctype", b"<html")
+"""Start of a web page, in small letters; blank lines may stand before it."""
 
 _SUFFIXES: dict[str, tuple[str, str]] = {
     ".pkl": ("a Python pickle, which would run what is in it", _TABLE),
@@ -92,6 +98,8 @@ def refuse_foreign(path: Path) -> None:
         elif path.suffix in (".xlsx", ".xlsm", ".ods"):
             kind, mend = "a workbook", "save the sheet as CSV"
         found = kind, mend
+    if start.lstrip().lower().startswith(_PAGE):
+        found = "a web page in place of the file", "download the file itself"
     found = found or _SUFFIXES.get(path.suffix.lower())
     if found is not None:
         raise InputError(f"{path}: {found[0]}, is not read; {found[1]}")

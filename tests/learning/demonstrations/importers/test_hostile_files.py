@@ -137,3 +137,19 @@ def test_many_digits_that_are_no_number_are_refused():
     # A pattern in which digits may belong to two parts tries them all: a minute for this one.
     with pytest.raises(InputError, match="is not a number"):
         number(f"{'8' * 100_000}x", "here")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("broken.bag", "was its recording broken off. Repair it with rosbag reindex"),
+        ("motion.bag.active", "a ROS bag by another name.*rosbag reindex"),
+    ],
+)
+def test_a_bag_that_was_not_closed_says_how_to_repair_it(tmp_path, name, words):
+    pytest.importorskip("rosbags", reason="rosbags is not installed: .[formats] has it")
+    path = tmp_path / name
+    path.write_bytes(b"#ROSBAG V2.0\n" + b" " * 4096)
+    with pytest.raises(InputError, match=words) as caught:
+        Demonstration.load(path)
+    assert str(caught.value).startswith(str(path))
