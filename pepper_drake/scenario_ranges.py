@@ -73,6 +73,8 @@ _POSITIVE = (
     "station.time_step",
     "supervisor.separation.deceleration",
     "supervisor.separation.slowing",
+    "supervisor.steadiness.cloud_memory",
+    "supervisor.steadiness.memory",
     "supervisor.time_step",
 )
 """Fields that must be positive: divisors and counts."""

@@ -132,9 +132,9 @@ def test_a_whole_reach_with_the_left_arm_in_which_no_cached_value_is_ever_stale(
 def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
     latency, ticks_checked, bound, monkeypatch
 ):
-    scene = random_scene(355, moving=True)  # A person's arm comes to the goal, and goes.
+    scene = random_scene(2000, moving=True)  # A person's arm comes to the goal, and goes.
     config = ReachingConfig(
-        station=StationConfig(seed=355, obstacle_motion_ports=True),
+        station=StationConfig(seed=2000, obstacle_motion_ports=True),
         timing=ReachTiming(latency=latency),
         # A look at what was not seen would let the person's arm go by.
         planner=ReachPlannerParams(unseen=UnseenSpaceParams(allow_motion=True)),

@@ -21,7 +21,7 @@ class SteadinessParams:
     outlier: float = 3.0
     """A single jump is clipped to this multiple of its limit: an object may be moved once."""
     memory: float = 1.0
-    """Time constant of the means [s]."""
+    """Time constant of the means of goal and base [s]."""
     goal: float = 0.02
     """Mean jump of the goal object [m]: 0.4 m/s, which no reach could follow. Measured: 0.0001 at
     rest, 0.05 with noise of 20 mm."""
@@ -33,6 +33,8 @@ class SteadinessParams:
     cloud: float = 0.004
     """Mean jump of the cloud, a quantile of the distances from its points, as they were or moved as
     a whole, to the next cloud [m]. Measured: 0.0001, and 0.009 with noise of 20 mm."""
+    cloud_memory: float = 2.0
+    """Time constant of the cloud's mean [s]: an obstacle may be carried away for so long."""
     cloud_quantile: float = 0.25
     """That quantile: an obstacle that moves may be most of a cloud, and not all of where it was is
     seen to be free at once."""
@@ -77,7 +79,7 @@ class Steadiness:
         updated = replace(updated, last_cloud=observation, other_clouds=other)
         if last_cloud is None or not (len(last_cloud.cloud) and len(observation.cloud)):
             return updated
-        weight = (observation.time - last_cloud.time) / params.memory
+        weight = (observation.time - last_cloud.time) / params.cloud_memory
         before = last_cloud.cloud
         sample = before[:: max(len(before) // _SAMPLE, 1)]
         # What moves as a whole does not jump about: it may be all that there is.
