@@ -46,7 +46,7 @@ class CostNumbers(NamedTuple):
 
 
 @compiled
-def _cos_and_sin(angles: Vector, cos: Vector, sin: Vector) -> None:
+def cos_and_sin(angles: Vector, cos: Vector, sin: Vector) -> None:
     """Fills in cosines and sines (N,) of angles (N,) up to half a turn [rad], to 1e-14.
 
     Taylor's series of half the angle: the compiler vectorises it, unlike calls of a library.
@@ -92,7 +92,7 @@ def _pose_path(
                     c[n] = u * C[0, 2] + v * C[1, 2] + w * C[2, 2]
         if k < 5:
             number, sense = chain.axis_numbers[k], chain.senses[k]
-            _cos_and_sin(path[k], cosine, sine)
+            cos_and_sin(path[k], cosine, sine)
             for i in range(3):
                 first, second = R[i, (number + 1) % 3], R[i, (number + 2) % 3]
                 for n in range(count):

@@ -12,6 +12,7 @@ from pepper_drake.planning.collision.arm_collision_checker import (
 )
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.collision.exact_distance import ExactDistance
+from pepper_drake.planning.trajectories.compiled_cost import cos_and_sin
 from pepper_drake.planning.trajectories.joint_trajectories import minimum_duration, minimum_jerk
 from pepper_drake.planning.trajectories.trajectory_cost import (
     PathCostParams,
@@ -28,6 +29,14 @@ MODEL = shared_control_model()
 SAMPLES = 40
 PARAMS, CLEARANCE = PathCostParams(), 0.020
 VELOCITY, ACCELERATION = np.full(5, 1.0), np.full(5, 5.0)
+
+
+def test_the_series_gives_cosines_and_sines():
+    angles = np.linspace(-np.pi, np.pi, 1001)
+    cosine, sine = np.empty((2, len(angles)))
+    cos_and_sin(angles, cosine, sine)
+    np.testing.assert_allclose(cosine, np.cos(angles), rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(sine, np.sin(angles), rtol=0.0, atol=1e-14)
 
 
 def straight(goal=1.0):
