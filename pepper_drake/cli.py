@@ -78,6 +78,13 @@ def seed(text: str) -> int:
     return int(text)
 
 
+def _folder(text: str) -> Path:
+    """Reads a folder from the command line; an empty text, as of a variable not set, is none."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty; give a folder")
+    return Path(text)
+
+
 def make_parser(
     name: str, description: str | None, *, seed_of_scenario: bool = False
 ) -> argparse.ArgumentParser:
@@ -99,7 +106,7 @@ def make_parser(
     )
     parser.add_argument(
         "--output",
-        type=Path,
+        type=_folder,
         default=Path("out") / name,
         metavar="DIR",
         help="folder for the results (default: %(default)s)",

@@ -40,6 +40,12 @@ def test_an_unknown_option_is_one_line_that_points_to_the_help(capsys):
     assert capsys.readouterr().err == "error: unrecognized arguments: --sede 1; see app.py --help\n"
 
 
+def test_an_output_folder_without_a_name_is_not_the_present_one(capsys):
+    with pytest.raises(SystemExit):
+        cli.make_parser("app", "What it does.").parse_args(["--output", ""])
+    assert "argument --output: it is empty; give a folder" in capsys.readouterr().err
+
+
 def test_every_app_has_an_output_folder_a_seed_and_quiet():
     options = cli.make_parser("app", "What it does.").parse_args([])
     assert options.output.parts == ("out", "app")
