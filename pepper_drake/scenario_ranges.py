@@ -1,5 +1,8 @@
 """Ranges of a scenario's fields that no type says: divisors, counts, fractions."""
 
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from operator import attrgetter
 from typing import Any
 
@@ -53,6 +56,7 @@ _POSITIVE = (
             "adaptation.ik_candidates",
             "adaptation.ik_seeds",
             "adaptation.turn",
+            "new_obstacle.spacing",
             "support_surface.spacing",
             "support_surface.stripe",
             "unseen.cell",
@@ -112,6 +116,41 @@ _LEAST = {
 """Least values of some fields."""
 
 
+_SIGNED = (
+    "barrier.margin",
+    "perception.gaze.search.first_yaw",
+    "perception.gaze.search.low_pitch",
+    "perception.gaze.search.sweep",
+    "perception.gaze.view.hand_left",
+    "perception.obstacles.cloud.floor_height",
+    "perception.obstacles.near_field.floor",
+    "perception.stereo_obstacles.cloud.floor_height",
+    "perception.stereo_obstacles.near_field.floor",
+    "planner.barrier_margin",
+    "planner.hand_x",
+    "planner.hand_y",
+    "planner.unseen.floor",
+)
+"""Fields that may be negative though their default is not: places, angles, margins."""
+
+
+def _numbers(part: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
+    """Yields names and values of the numbers in a dataclass and those that it holds."""
+    for one in fields(part):
+        value, name = getattr(part, one.name), f"{prefix}{one.name}"
+        if is_dataclass(value):
+            yield from _numbers(value, f"{name}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield name, value
+
+
+@lru_cache(maxsize=1)
+def _sizes(kind: Any) -> frozenset[str]:
+    """Returns the names of the numbers of a `Scenario` (its class) that are positive by default."""
+    named = [name for name, value in _numbers(kind()) if value > 0]
+    return frozenset(name for name in named if not name.startswith("scene.")) - {*_SIGNED}
+
+
 def check_ranges(scenario: Any) -> None:
     """Checks a `Scenario`.
 
@@ -146,3 +185,8 @@ def check_ranges(scenario: Any) -> None:
     stiffness = scenario.compliance.stiffness
     if stiffness > 1.0:
         raise InputError(f"compliance.stiffness is {stiffness:g}; it must be above 0 and at most 1")
+    kind: Any = type(scenario)
+    sizes = _sizes(kind)
+    for name, value in _numbers(scenario):
+        if value < 0 and name in sizes:
+            raise InputError(f"{name} is {value:g}; it must not be negative")

@@ -250,11 +250,19 @@ def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
         ("planner.rest_fraction=1", "below 1"),
         ("perception.marker.edges.blurred_growth=0", "must be positive"),
         ("perception.obstacles.memory.max_views=0", "must be positive"),
+        ("planner.new_obstacle.spacing=0", "must be positive"),
+        ("planner.unseen.max_age=-1", "must not be negative"),
+        ("supervisor.looking=-0.1", "must not be negative"),
     ],
 )
 def test_numbers_that_the_loop_divides_by_are_refused_where_they_are_set(setting, words):
     with pytest.raises(InputError, match=words):
         load_scenario(None, [setting])
+
+
+def test_places_and_angles_may_be_negative():
+    chosen = load_scenario(None, ["planner.hand_y=-0.1", "perception.gaze.search.low_pitch=-0.1"])
+    assert chosen.planner.hand_y == -0.1
 
 
 def test_the_barrier_and_an_arm_that_is_pushed_have_the_scenarios_numbers():
