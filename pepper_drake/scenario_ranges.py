@@ -171,6 +171,12 @@ def check_ranges(scenario: Any) -> None:
             f"controller.limit_influence is {ik.limit_influence:g} rad; it must be greater than "
             f"controller.limit_margin, {ik.limit_margin:g} rad"
         )
+    station = scenario.station
+    if not station.camera_latency < station.camera_period:
+        raise InputError(
+            f"station.camera_latency is {station.camera_latency:g} s; it must be less than "
+            f"station.camera_period, {station.camera_period:g} s"
+        )
     for name in _FRACTIONS:
         value = attrgetter(name)(scenario)
         if not 0.0 <= value < 1.0:
