@@ -107,6 +107,7 @@ _LEAST = {
     "station.camera_latency": 0,
     "station.derivative_gain": 0,
     "station.proportional_gain": 0,
+    "planner.support_surface.min_stripes": 1,
     "planner.support_surface.rim": 0,
     "supervisor.latency.base_placement": 0,
     "supervisor.latency.check": 0,
