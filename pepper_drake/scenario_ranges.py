@@ -66,7 +66,7 @@ _POSITIVE = (
     *(
         f"safety.{base}.{name}"
         for base in ("base", "link_base")
-        for name in ("acceleration", "turning_acceleration")
+        for name in ("acceleration", "turning_acceleration", "approach_rate")
     ),
     "safety.lean.acceleration",
     "safety.lean.speed",

@@ -252,6 +252,7 @@ def test_a_former_name_does_not_hide_what_is_wrong_around_it(tmp_path):
         ("perception.obstacles.memory.max_views=0", "must be positive"),
         ("planner.new_obstacle.spacing=0", "must be positive"),
         ("planner.support_surface.min_stripes=0", "must be 1 or more"),
+        ("safety.base.approach_rate=0", "must be positive"),
         ("station.camera_latency=0.2", "must be less than station.camera_period"),
         ("planner.unseen.max_age=-1", "must not be negative"),
         ("supervisor.looking=-0.1", "must not be negative"),
