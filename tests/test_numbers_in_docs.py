@@ -8,6 +8,7 @@ print, by other tests.
 import inspect
 import math
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -123,16 +124,7 @@ SAID = {
         f"moves no faster than {TOUCH}",
         *(
             f"| `{name}` | {getattr(PLANNER.clearance, name):.3f} |"
-            for name in (
-                "stop",
-                "start",
-                "slow",
-                "replan",
-                "resume",
-                "want",
-                "search_target",
-                "retreat_end",
-            )
+            for name in [one.name for one in fields(PLANNER.clearance)]
         ),
     ],
 }

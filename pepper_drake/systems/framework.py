@@ -16,7 +16,7 @@ from functools import cache, partial
 from types import CellType, FunctionType, MethodType
 from typing import Any
 
-from pydrake.systems import framework, scalar_conversion
+from pydrake.systems import framework
 from pydrake.systems.framework import OutputPort
 
 from pepper_drake.short_repr import shortened
@@ -81,21 +81,6 @@ def leaf_system(base: type) -> Any:
 
 
 LeafSystem = leaf_system(framework.LeafSystem)
-
-
-class TemplateSystem(scalar_conversion.TemplateSystem):
-    """Drake's, which is told the module that the methods it adds belong to.
-
-    To find it, Drake reads the sources of all that import a template: 0.2 s of every start.
-    """
-
-    def _on_add(self, param: Any, cls: type, skip_rename: bool) -> type:
-        add_method = scalar_conversion.TemplateMethod
-        scalar_conversion.TemplateMethod = partial(add_method, scope=scalar_conversion)
-        try:
-            return super()._on_add(param, cls, skip_rename)
-        finally:
-            scalar_conversion.TemplateMethod = add_method
 
 
 def build_into(builder: framework.DiagramBuilder, diagram: framework.Diagram) -> None:

@@ -1,15 +1,12 @@
 """The canonical, transformation, orientation and coupling systems, alone and as one loop."""
 
-import inspect
-import sys
 from functools import partial
 
 import numpy as np
 import pytest
-from pydrake.autodiffutils import AutoDiffXd
 from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder, LeafSystem, LeafSystem_
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource, LogVectorOutput
 
 from pepper_drake.errors import InputError
@@ -17,7 +14,6 @@ from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning import rotations as so3
 from pepper_drake.learning.dmp.obstacle_coupling import get_coupling
 from pepper_drake.planning.reach.movement import Movement
-from pepper_drake.systems.framework import TemplateSystem, leaf_system
 from pepper_drake.systems.primitive.canonical_system import CanonicalSystem
 from pepper_drake.systems.primitive.obstacle_coupling import ObstacleCoupling
 from pepper_drake.systems.primitive.orientation_transformation_system import (
@@ -378,20 +374,3 @@ def test_an_orientation_is_needed_for_the_orientation_system():
     bare = MovementPrimitive.fit(Demonstration.from_positions(t, line))
     with pytest.raises(InputError, match="no orientation"):
         OrientationTransformationSystem(bare)
-
-
-def test_a_template_is_made_without_reading_the_sources_of_what_imports_it(monkeypatch):
-    monkeypatch.setattr(inspect, "stack", lambda *_: pytest.fail("sources are read"))
-
-    @TemplateSystem.define("Empty_", scope=sys.modules[__name__])
-    def Empty_(T):
-        class Impl(leaf_system(LeafSystem_[T])):
-            def _construct(self, converter=None):
-                super().__init__(converter)
-
-            def _construct_copy(self, other, converter=None):
-                Impl._construct(self, converter=converter)
-
-        return Impl
-
-    assert isinstance(Empty_[None]().ToAutoDiffXd(), Empty_[AutoDiffXd])

@@ -1,7 +1,7 @@
 """Clearance thresholds between arm and obstacles, in one ordered table."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from pepper_drake.errors import InputError
 
@@ -11,7 +11,7 @@ FARTHEST = 0.15
 
 @dataclass
 class ClearanceTable:
-    """Thresholds of the arm's clearance to the obstacle cloud, in ascending order.
+    """Thresholds of the arm's clearance to the obstacle cloud, in ascending order of the fields.
 
     The order is stop < start < slow < replan < resume < want < search_target < retreat_end:
     otherwise a plan that is just good enough to start would be stopped or replanned at once. All
@@ -46,17 +46,7 @@ class ClearanceTable:
 
     def check(self) -> None:
         """Raises InputError unless the clearances ascend; loaders that set fields call it again."""
-        names = (
-            "stop",
-            "start",
-            "slow",
-            "replan",
-            "resume",
-            "want",
-            "search_target",
-            "retreat_end",
-        )
-        for lower, upper in itertools.pairwise(names):
+        for lower, upper in itertools.pairwise(one.name for one in fields(self)):
             low, high = getattr(self, lower), getattr(self, upper)
             if not low < high:
                 raise InputError(

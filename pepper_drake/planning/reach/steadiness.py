@@ -4,9 +4,11 @@ So does a cloud that differs from the map's. In a static scene a correct cloud m
 long, so only the comparison with the map reveals a stuck one.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from pepper_drake.planning.reach.observation import Observation
 
@@ -31,13 +33,15 @@ class SteadinessParams:
     other_clouds: int = 3
     """Number of successive clouds that differ from the map's at the same image; normally 0."""
     cloud: float = 0.004
-    """Mean jump of the cloud, a quantile of the distances from its points, as they were or moved as
-    a whole, to the next cloud [m]. Measured: 0.0001, and 0.009 with noise of 20 mm."""
+    """Mean jump of the cloud, a quantile of the distances from its points, as they were or moved on
+    as before, to the next cloud [m]. Measured: 0.0001, and 0.009 with noise of 20 mm."""
     cloud_memory: float = 2.0
     """Time constant of the cloud's mean [s]: an obstacle may be carried away for so long."""
     cloud_quantile: float = 0.25
     """That quantile: an obstacle that moves may be most of a cloud, and not all of where it was is
     seen to be free at once."""
+    moving: float = 0.1
+    """Distance from a tracked obstacle up to which points may move with it [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +52,7 @@ class Steadiness:
         goal: Mean jump of the goal object [m].
         base: Mean jump of the base [m].
         cloud: Mean jump of the cloud [m].
+        shift: Motion (3,) of the cloud's centre from the cloud before to the previous one [m].
         other_clouds: Number of successive clouds that differ from the map's.
         last: The previous observation; None at the start.
         last_cloud: The observation with the previous cloud.
@@ -56,6 +61,7 @@ class Steadiness:
     goal: float = 0.0
     base: float = 0.0
     cloud: float = 0.0
+    shift: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     other_clouds: int = 0
     last: Observation | None = None
     last_cloud: Observation | None = None
@@ -79,17 +85,22 @@ class Steadiness:
         updated = replace(updated, last_cloud=observation, other_clouds=other)
         if last_cloud is None or not (len(last_cloud.cloud) and len(observation.cloud)):
             return updated
-        weight = (observation.time - last_cloud.time) / params.cloud_memory
-        before = last_cloud.cloud
+        before, tracked = last_cloud.cloud, observation.predicted_cloud
+        updated = replace(updated, shift=observation.cloud.mean(axis=0) - before.mean(axis=0))
         sample = before[:: max(len(before) // _SAMPLE, 1)]
-        # What moves as a whole does not jump about: it may be all that there is.
-        shift = observation.cloud.mean(axis=0) - before.mean(axis=0)
+        if len(tracked):
+            sample = sample[cKDTree(tracked).query(sample)[0] > params.moving]
+        if not len(sample):
+            return updated
+        weight = (observation.time - last_cloud.time) / params.cloud_memory
+        # What moves on as it did does not jump about: it may be all that there is.
         jump = min(
             float(np.quantile(observation.cloud_tree.query(points)[0], params.cloud_quantile))
-            for points in (sample, sample + shift)
+            for points in (sample, sample + self.shift)
         )
         return replace(
-            updated, cloud=_mean(self.cloud, min(jump, params.outlier * params.cloud), weight)
+            updated,
+            cloud=_mean(self.cloud, min(jump, params.outlier * params.cloud), weight),
         )
 
     def unsteady_signal(self, params: SteadinessParams) -> tuple[str, str] | None:

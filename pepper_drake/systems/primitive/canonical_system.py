@@ -6,11 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector_, LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
 
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.learning.phase import extended_tau
 from pepper_drake.planning.reach.movement import Movement
-from pepper_drake.systems.framework import TemplateSystem, ValueProducer, leaf_system
+from pepper_drake.systems.framework import ValueProducer, leaf_system
 
 # Elements of the state after the phase.
 _GOAL, _NUMBER = slice(1, 4), 4

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector_, LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
 
 from pepper_drake.learning.dmp.motion_state import (
     DELAYED,
@@ -21,7 +22,7 @@ from pepper_drake.learning.dmp.motion_state import (
 from pepper_drake.learning.dmp.primitive import MovementPrimitive
 from pepper_drake.learning.dmp.transformation import DelayedGoal, TransformationModel
 from pepper_drake.planning.reach.movement import Movement
-from pepper_drake.systems.framework import TemplateSystem, ValueProducer, leaf_system
+from pepper_drake.systems.framework import ValueProducer, leaf_system
 
 
 # Without a scope Drake reads the sources of all that import this module: half a second.

@@ -22,7 +22,13 @@ GRID = np.stack(np.meshgrid(*[np.arange(6) * 0.02] * 3), axis=-1).reshape(-1, 3)
 
 
 def observed(
-    seconds, *, goal=lambda k: 0.0, base=lambda k: 0.0, cloud=lambda k: 0.0, still=GRID[:0]
+    seconds,
+    *,
+    goal=lambda k: 0.0,
+    base=lambda k: 0.0,
+    cloud=lambda k: 0.0,
+    still=GRID[:0],
+    tracked=GRID[:0],
 ):
     """Steadiness after a time in which signals are shifted along x as functions of the step [m]."""
     first = Supervised().seen
@@ -36,6 +42,7 @@ def observed(
             base_pose=first.base_pose + base(k) * ahead,
             cloud=np.concatenate((still, GRID + cloud(k))),
             cloud_time=0.2 * (k // 4),
+            predicted_cloud=tracked,
         )
         steadiness = steadiness.advanced(observation, PARAMS)
     return steadiness
@@ -76,6 +83,21 @@ def test_an_obstacle_that_moves_may_be_most_of_the_cloud_or_all():
     assert observed(4.0, **carried).unsteady_signal(PARAMS) is None
     third = GRID[: len(GRID) // 2] - [0.5, 0.0, 0.0]
     assert observed(4.0, **carried, still=third).unsteady_signal(PARAMS) is None
+
+
+def test_only_what_is_near_a_tracked_obstacle_may_jump():
+    noise = np.random.default_rng(3).normal(0.0, 0.02, (100, 216, 3))
+    for place, steady in ((GRID, True), (GRID + [1.0, 0.0, 0.0], False)):
+        found = observed(2.0, cloud=lambda k: noise[k], tracked=place)
+        assert (found.unsteady_signal(PARAMS) is None) == steady
+
+
+def test_a_cloud_that_jumps_about_as_a_whole_is_not_steady():
+    # As from a camera whose pose is measured with noise.
+    shifts = np.random.default_rng(4).normal(0.0, 0.02, (100, 3))
+    unsteady = observed(2.0, cloud=lambda k: shifts[k]).unsteady_signal(PARAMS)
+    assert unsteady is not None
+    assert unsteady[0] == "cloud_unsteady"
 
 
 def test_a_reach_ends_when_the_goal_jumps_about():
