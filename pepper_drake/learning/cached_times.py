@@ -12,12 +12,21 @@ MOST_CACHED = 256
 """Most samples of a motion for which matrices are kept."""
 
 
+_GRID = 2.0**44
+"""Steps of the grid on which relative times are keys, in the motion's length."""
+
+
 class TimesKey:
-    """Relative times as a key: equal when all differ by less than a billionth of the motion."""
+    """Relative times, rounded to a grid of 6e-14 of the motion's length, as a key.
+
+    What is computed from a key uses its rounded times: with those of the motion that came first,
+    a result would depend on what was computed before it.
+    """
 
     def __init__(self, times: Array) -> None:
-        self.times = times
-        self._key = np.round(times * 1e9).astype(np.int64).tobytes()
+        rounded = np.round(times * _GRID)
+        self.times = rounded / _GRID
+        self._key = rounded.tobytes()
 
     def __hash__(self) -> int:
         return hash(self._key)
