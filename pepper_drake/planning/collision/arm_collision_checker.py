@@ -5,10 +5,12 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
-from pepper_drake.models.control_model import ControlModel
+from pepper_drake.models.control_model import ControlModel, body_indices
+from pepper_drake.models.pepper import BODY_JOINTS, head_pitch_limits
 from pepper_drake.perception.mapping.solids import Solid, SolidSet, collision_solids
 from pepper_drake.planning.collision.clearance_table import FARTHEST
 from pepper_drake.planning.collision.compiled_arm import placed_points
@@ -23,6 +25,8 @@ GRID_SPACING = 0.02
 """Spacing of the distance grid [m]."""
 GRID_CAP = 0.08
 """Distances beyond this are all the same [m]: twice a sphere's radius."""
+
+_HEAD_JOINTS = body_indices(["HeadYaw", "HeadPitch"])
 
 CLOUD, CLOUD_AND_BODY = 0, 1
 """The grid's layers."""
@@ -47,14 +51,22 @@ def self_collision_spheres(spheres: SphereModel) -> npt.NDArray[np.bool_]:
 class BodyShapes:
     """Pepper's collision shapes without those of one arm and its shoulder.
 
+    The head turns while the arm moves, to places that a plan does not know: its shape is that of
+    all its angles, and larger by the allowance, as no posture of the arm has to touch it.
+
     Args:
         model: Pepper.
         arm: "left" or "right".
+        allowance: Depth to which the arm's spheres may enter other shapes of the body [m].
+
+    Attributes:
+        head: The head's shapes, in T.
     """
 
-    def __init__(self, model: ControlModel, arm: str) -> None:
+    def __init__(self, model: ControlModel, arm: str, allowance: float = 0.0) -> None:
         self._model = model
-        left_out = {*arm_link_names(arm), f"{arm[0].upper()}Shoulder"}
+        self.head = SolidSet(swept_head(model, allowance))
+        left_out = {*arm_link_names(arm), f"{arm[0].upper()}Shoulder", "Head"}
         self._solids: list[Solid] = []
         self._frames = []
         for index in model.plant.GetBodyIndices(model.model_instance):
@@ -68,8 +80,10 @@ class BodyShapes:
         self._recent = lru_cache(maxsize=4)(self._at)
 
     def at(self, joint_position: Vector) -> SolidSet:
-        """Returns the shapes in T at joints (15,) in the order of `BODY_JOINTS` [rad]."""
-        return self._recent(np.asarray(joint_position, dtype=float).tobytes())
+        """Returns all shapes but the head's in T at joints (15,) in `BODY_JOINTS` order [rad]."""
+        joints = np.array(joint_position, dtype=float)
+        joints[_HEAD_JOINTS] = 0.0
+        return self._recent(joints.tobytes())
 
     def _at(self, joints: bytes) -> SolidSet:
         context = self._model.create_context()
@@ -78,6 +92,30 @@ class BodyShapes:
         torso = self._model.plant.GetFrameByName("torso")
         poses = [frame.CalcPose(context, torso) for frame in self._frames]
         return SolidSet.posed(self._solids, poses)
+
+
+def swept_head(model: ControlModel, margin: float) -> list[Solid]:
+    """Returns the head's shape at all its angles to the front, in T.
+
+    The head is a sphere with its centre at most 0.1 m from the joints: from one of the angles to
+    the next it moves by at most 40 mm, between which the shapes lack 3 mm of what is swept.
+
+    Args:
+        model: Pepper.
+        margin: Added to the sphere's radius [m].
+    """
+    plant, context = model.plant, model.create_context()
+    head, torso = plant.GetBodyByName("Head"), plant.GetFrameByName("torso")
+    own = collision_solids(plant, model.diagram.scene_graph(), head.index())
+    swept = []
+    for yaw in np.radians(range(-90, 91, 30)):
+        for pitch in np.linspace(*head_pitch_limits(yaw), 5):
+            joints = np.zeros(len(BODY_JOINTS))
+            joints[_HEAD_JOINTS] = yaw, pitch
+            plant.SetPositions(context, model.positions(joints, np.zeros(3)))
+            X_TH = head.body_frame().CalcPose(context, torso)
+            swept += [Solid(Sphere(s.shape.radius() + margin), X_TH @ s.X_FS) for s in own]
+    return swept
 
 
 class ArmCollisionChecker:
@@ -90,6 +128,7 @@ class ArmCollisionChecker:
         goal_object: The goal object's surface, in its frame O.
         X_TO: The goal object's pose.
         body: Gives the body's shapes in T.
+        head: The head's.
         body_layer: Gives the body's layer (N,) of the grid [m]; see `sample_body`. Both are asked
             only when they are needed.
 
@@ -106,12 +145,13 @@ class ArmCollisionChecker:
         goal_object: PointCloudDistance,
         X_TO: RigidTransform,
         body: Callable[[], SolidSet],
+        head: SolidSet,
         body_layer: Callable[[], npt.NDArray[np.float32]],
     ) -> None:
         self.kinematics, self._shapes = shapes.kinematics, shapes
         self._field, self._X_FT = obstacles, X_FT
         self._object, self._X_OT = goal_object, X_TO.inverse()
-        self._body, self._body_layer = body, body_layer
+        self._body, self._head, self._body_layer = body, head, body_layer
         self._watched = self_collision_spheres(self.kinematics.spheres)
 
     def distances(self, joints: Vector) -> Vector:
@@ -140,7 +180,8 @@ class ArmCollisionChecker:
         centers = self.kinematics.sphere_centers_at(joints)[:, self._watched]
         radii = self.kinematics.spheres.radii[self._watched]
         cap = within + float(radii.max())
-        distances: Vector = (self._body().distance(centers, cap) - radii).min(axis=1)
+        away = np.minimum(self._body().distance(centers, cap), self._head.distance(centers, cap))
+        distances: Vector = (away - radii).min(axis=1)
         return distances
 
     @cached_property

@@ -72,7 +72,7 @@ class PlanningSceneBuilder:
     ) -> None:
         self._model, self._arm, self._params = model, arm, params
         self._shapes = ExactDistance(model, arm_kinematics(model, arm))
-        self._body = BodyShapes(model, arm)
+        self._body = BodyShapes(model, arm, -params.self_clearance)
         self._goal_object = PointCloudDistance(sample_surface(goal_solids), extension=0.0)
         self._goal_radius = max((solid.width for solid in goal_solids), default=0.0)
         self._arm_in_body = body_indices(arm_joints(arm))
@@ -133,6 +133,7 @@ class PlanningSceneBuilder:
             goal_object=self._goal_object,
             X_TO=X_TO,
             body=lambda: self._body.at(joint_position),
+            head=self._body.head,
             body_layer=lambda: self._body_layer(joint_position),
         )
         x, y, z = cloud_T.T
@@ -142,12 +143,16 @@ class PlanningSceneBuilder:
         )
 
     def _body_layer(self, joint_position: Vector) -> npt.NDArray[np.float32]:
-        """Returns the body's distances on the grid, with rounded joints and the head straight."""
+        """Returns the body's distances on the grid, with rounded joints."""
         rounded = np.round(joint_position / 0.05) * 0.05
-        rounded[body_indices(["HeadYaw", "HeadPitch"])] = 0.0
         rounded[self._arm_in_body] = 0.0
         return self._sampled(tuple(rounded))
 
     def _sample(self, joint_position: tuple[float, ...]) -> npt.NDArray[np.float32]:
         body = self._body.at(np.array(joint_position))
-        return sample_body(self._arm, body, -self._params.self_clearance)
+        allowance = -self._params.self_clearance
+        return np.minimum(sample_body(self._arm, body, allowance), self._head_layer)
+
+    @cached_property
+    def _head_layer(self) -> npt.NDArray[np.float32]:
+        return sample_body(self._arm, self._body.head, -self._params.self_clearance)

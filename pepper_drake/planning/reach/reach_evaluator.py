@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,8 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling, Coupling
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.exact_distance import NEAR
+from pepper_drake.planning.collision.path_distances import arm_motion, path_distances
 from pepper_drake.planning.ik.goal_configurations import axis_error
 from pepper_drake.planning.reach.barrier_for_path import fit_barrier_to_path
 from pepper_drake.planning.reach.kinematic_simulation import KinematicSimulator
@@ -183,7 +186,10 @@ class ReachEvaluator:
         reached = poses.hand_position
         error = float(np.linalg.norm(reached[-1] - X_TG.translation()))
         behind = float(np.linalg.norm(reached - hand.positions[: len(reached)], axis=1).max())
-        clearance = float(scene.checker.distances(joint_path[::3]).min())
+        motion = arm_motion(self.kinematics, joint_path)
+        along = partial(path_distances, path=joint_path, motion=motion)
+        clearance = along(scene.checker.distances).minimum
+        near_body = partial(scene.checker.self_distances, within=params.self_clearance + NEAR)
         status, message = PlanStatus.CLEAR, ""
         if error > params.tolerance.arrive:
             status = PlanStatus.OUT_OF_REACH
@@ -191,10 +197,7 @@ class ReachEvaluator:
         elif behind > params.following.plan:
             status = PlanStatus.CANNOT_FOLLOW
             message = f"the hand would fall {1000 * behind:.0f} mm behind its movement"
-        elif (
-            scene.checker.self_distances(joint_path[::5], params.self_clearance).min()
-            < params.self_clearance
-        ):
+        elif along(near_body, below=params.self_clearance).minimum < params.self_clearance:
             status = PlanStatus.SELF_COLLISION
             message = "the arm would run into the robot's own body"
         elif collision_checked and clearance < params.clearance.start - allowance:
@@ -203,7 +206,11 @@ class ReachEvaluator:
                 f"the arm would come {1000 * clearance:.0f} mm close to an obstacle, "
                 f"less than {1000 * params.clearance.start:.0f} mm"
             )
-        elif collision_checked and self._touches_object(scene, joint_path):
+        elif (
+            collision_checked
+            and along(scene.checker.object_distances, below=params.object_clearance).minimum
+            < params.object_clearance
+        ):
             status = PlanStatus.NO_CLEAR_PATH
             message = "the arm would touch the goal object"
         elif (
@@ -235,7 +242,3 @@ class ReachEvaluator:
         R_TG = (scene.X_TO @ self.demonstrated.X_OG).rotation().matrix()
         error = float(axis_error(R_TH, R_TG, self._axis.direction)[0])
         return error if error > self._axis.tolerance else 0.0
-
-    def _touches_object(self, scene: PlanningScene, joint_path: Vector) -> bool:
-        distances = scene.checker.object_distances(joint_path[::3])
-        return bool(distances.min() < self.params.object_clearance)

@@ -117,7 +117,7 @@ class ReachPlannerParams:
     placement_clearance_tolerance: float = 0.004
     """Clearance that a base placement may lose to the cloud's noise before the drive begins [m]:
     twice the variation in a still scene."""
-    object_clearance: float = 0.001
+    object_clearance: float = 0.002
     """Clearance of an adapted movement to the goal object, whose shape and pose are known [m]."""
     predrive_clearance_tolerance: float = 0.008
     """Clearance by which a plan made from a distance may fall short [m]; it is checked again on

@@ -4,6 +4,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
+from pepper_drake.planning.collision.path_distances import arm_motion, path_distances
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.movement_from_path import fit_primitive_to_joint_path
 from pepper_drake.planning.reach.movement_origin import Origin
@@ -14,18 +15,17 @@ from pepper_drake.planning.trajectories.retreat import retreat_trajectory
 
 Vector = npt.NDArray[np.float64]
 
-_STRIDE = 5
-"""Stride of the path's commands whose clearance is computed."""
-
 
 def remaining_clearance(
     evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation
 ) -> RemainingClearance:
     """Returns the clearance along the rest of a plan's path; see `Planner`."""
     scene = evaluator.scenes(observation)
-    rest = path_ahead(plan, observation)[::_STRIDE]
-    times = (_STRIDE * plan.time_step) * np.arange(len(rest), dtype=float)
-    return RemainingClearance(times, scene.checker.distances(rest))
+    rest = path_ahead(plan, observation)
+    motion = arm_motion(evaluator.kinematics, rest)
+    indices, distances = path_distances(scene.checker.distances, rest, motion)
+    times: Vector = np.asarray(plan.time_step * indices, dtype=float)
+    return RemainingClearance(times, distances)
 
 
 def replan(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation) -> ReachPlan:

@@ -4,8 +4,14 @@ from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
-from pepper_drake.models.control_model import shared_control_model
-from pepper_drake.perception.mapping.solids import Solid, SolidSet, sample_surface
+from pepper_drake.models.control_model import body_indices, shared_control_model
+from pepper_drake.models.pepper import head_pitch_limits
+from pepper_drake.perception.mapping.solids import (
+    Solid,
+    SolidSet,
+    collision_solids,
+    sample_surface,
+)
 from pepper_drake.planning.collision.arm_collision_checker import (
     GRID_CAP,
     ArmCollisionChecker,
@@ -40,6 +46,7 @@ def around(kinematics, field, *, X_FT=None, object_field=NOTHING, X_TO=None, bod
         goal_object=object_field,
         X_TO=RigidTransform() if X_TO is None else X_TO,
         body=lambda: SolidSet([]),
+        head=SolidSet([]),
         body_layer=lambda: layer,
     )
 
@@ -154,16 +161,21 @@ def test_surface_points_lie_on_the_surface_and_leave_no_hole():
         sample_surface([Solid(Sphere(0.1), RigidTransform())])
 
 
-def test_self_distances_are_those_of_forearm_and_hand_to_the_body():
+@pytest.mark.parametrize("part", ["body", "head"])
+def test_self_distances_are_those_of_forearm_and_hand_to_the_body(part):
     hand = SHAPES.kinematics.hand_pose(JOINTS[0]).translation()
-    solids = [Solid(Sphere(0.05), RigidTransform(hand + [0.0, 0.0, 0.3]))]
+    near, far = (
+        Solid(Sphere(0.05), RigidTransform(hand + [0.0, 0.0, above])) for above in (0.3, 9.0)
+    )
+    solids = [near, far] if part == "body" else [far, near]
     checker = ArmCollisionChecker(
         SHAPES,
         NOTHING,
         X_FT=RigidTransform(),
         goal_object=NOTHING,
         X_TO=RigidTransform(),
-        body=lambda: SolidSet(solids),
+        body=lambda: SolidSet(solids[:1]),
+        head=SolidSet(solids[1:]),
         body_layer=lambda: np.zeros(0, np.float32),
     )
     spheres = SHAPES.kinematics.spheres
@@ -185,3 +197,46 @@ def test_the_body_is_the_robot_without_the_arm_and_its_shoulder():
     shoulder_to_elbow = SHAPES.kinematics.poses(np.array([[0.0, -0.5, 0.0, 0.5, 0.0]]))
     elbow = shoulder_to_elbow.positions[0, 1]
     assert body.distance(elbow[None])[0] > 0.05
+
+
+HEAD_AT_THE_SHOULDER = np.radians([-46.6, -26.9, 16.3, 62.9, 68.1])
+"""A hand beside the head, which it touches if the head is turned by 34 degrees to it."""
+
+
+def test_wherever_the_head_turns_it_is_where_a_plan_takes_it_to_be():
+    swept = BodyShapes(MODEL, "right").head
+    head = MODEL.plant.GetBodyByName("Head")
+    own = collision_solids(MODEL.plant, MODEL.diagram.scene_graph(), head.index())
+    rng = np.random.default_rng(0)
+    context = MODEL.create_context()
+    for _ in range(40):
+        yaw = rng.uniform(-np.pi / 2, np.pi / 2)
+        joints = np.zeros(15)
+        joints[body_indices(["HeadYaw", "HeadPitch"])] = (
+            yaw,
+            rng.uniform(*head_pitch_limits(yaw)),
+        )
+        MODEL.plant.SetPositions(context, MODEL.positions(joints, np.zeros(3)))
+        X_TH = MODEL.pose(context, "torso").inverse() @ MODEL.pose(context, "Head")
+        away = rng.standard_normal((200, 3))
+        surface = X_TH @ own[0].X_FS @ (0.112 * away.T / np.linalg.norm(away, axis=1))
+        assert swept.distance(surface.T).max() < 0.003
+
+
+def test_a_hand_beside_the_head_collides_whichever_way_it_is_turned():
+    shapes = BodyShapes(MODEL, "right", allowance=0.012)
+    for yaw in (-0.6, 0.0, 0.9):
+        joints = np.zeros(15)
+        joints[body_indices(["HeadYaw"])] = yaw
+        checker = ArmCollisionChecker(
+            SHAPES,
+            NOTHING,
+            X_FT=RigidTransform(),
+            goal_object=NOTHING,
+            X_TO=RigidTransform(),
+            body=lambda joints=joints: shapes.at(joints),
+            head=shapes.head,
+            body_layer=lambda: sample_body("right", shapes.head, 0.012),
+        )
+        assert checker.self_distances(HEAD_AT_THE_SHOULDER[None])[0] < -0.012
+        assert checker.approximate_distances(HEAD_AT_THE_SHOULDER[None]).min() < 0.0

@@ -76,6 +76,7 @@ def checker_among(points):
         goal_object=PointCloudDistance(np.zeros((0, 3))),
         X_TO=RigidTransform(),
         body=lambda: SolidSet([]),
+        head=SolidSet([]),
         body_layer=lambda: layer,
     )
 
