@@ -36,6 +36,7 @@ def planner():
             coupling=make_coupling("barrier"),
             ik=DifferentialIkParams(),
             params=ReachPlannerParams(),
+            image_period=0.2,
         ),
     )
 

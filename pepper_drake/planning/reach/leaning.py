@@ -20,13 +20,15 @@ from pepper_drake.planning.reach.reach_task import ReachTask
 Vector = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
+_CENTRE = np.zeros((1, 3))
+
 
 class LeaningPlacement:
     """Chooses the base placement and, for a low goal, the hip angle.
 
     A low goal should be in view of a colour camera from the placement, past tablet and arm: if it
     is not seen, a reach ends unconfirmed. Where the present hip angle offers no such placement,
-    others are tried.
+    others are tried; where none does, placements are enough that show the marker's centre.
 
     Args:
         placements: Finds base placements for the present hip angle.
@@ -45,13 +47,18 @@ class LeaningPlacement:
     ) -> None:
         self._placements, self._evaluator, self._body = placements, evaluator, body
         self._X_OG, self._X_OM, self._params = task.X_OG, task.X_OM, task.params
+        corners = np.array([[0, 0, 0], [-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
+        self._whole = 0.5 * task.marker_size * corners
 
     def plan(self, observation: Observation) -> ReachPlan:
         """Returns the best plan over base placements and, for a low goal, hip angles."""
-        if self.is_low(observation):
+        if not self.is_low(observation):
+            return self._placements.plan(observation)
+        for p_M in (self._whole, _CENTRE):
             for leaning in self._postures(observation):
-                plan = self._placements.plan(leaning, partial(self.in_view, observation=leaning))
-                if not self.shows_marker(plan, leaning):
+                in_view = partial(self.in_view, observation=leaning, p_M=p_M)
+                plan = self._placements.plan(leaning, in_view)
+                if not self.shows_marker(plan, leaning, p_M):
                     continue
                 if leaning is observation:
                     return plan
@@ -65,42 +72,53 @@ class LeaningPlacement:
         z_WT = float(self._evaluator.scenes.torso_pose(observation).translation()[2])
         return self._X_OM is not None and z_WG - z_WT < self._params.lean.height
 
-    def in_view(self, places: Vector, observation: Observation) -> Mask:
-        """Tells at which base poses (N, 3) a colour camera can see the marker past the body."""
-        assert self._X_OM is not None
-        p_WM = (observation.X_WO @ self._X_OM).translation()
-        p_TM = np.zeros((len(places), 3))
-        for k, place in enumerate(places):
-            X_WT = self._evaluator.scenes.torso_pose(observation.from_base_pose(place))
-            p_TM[k] = X_WT.inverse() @ p_WM
-        hiding = self._body(observation, self._evaluator.scenes.torso_pose(observation))
-        return np.array([self._is_visible(p, hiding) for p in p_TM], dtype=bool)
+    def in_view(self, places: Vector, observation: Observation, p_M: Vector) -> Mask:
+        """Tells at which base poses (N, 3) a colour camera can see points of the marker.
 
-    def shows_marker(self, plan: ReachPlan, observation: Observation) -> bool:
-        """True if a plan is clear and a colour camera can see the marker at its end."""
+        Args:
+            places: The base poses.
+            observation: The observation.
+            p_M: The points (P, 3) [m]; the marker is at the first.
+        """
+        assert self._X_OM is not None
+        X_WM, pose = observation.X_WO @ self._X_OM, self._evaluator.scenes.torso_pose
+        hiding = self._body(observation, pose(observation))
+        X_TW = [pose(observation.from_base_pose(place)).inverse() for place in places]
+        return np.array([self._is_visible(X @ X_WM, p_M, hiding) for X in X_TW], dtype=bool)
+
+    def shows_marker(
+        self, plan: ReachPlan, observation: Observation, p_M: Vector = _CENTRE
+    ) -> bool:
+        """True if a plan is clear and a colour camera can see points of the marker at its end.
+
+        Args:
+            plan: A base placement.
+            observation: The observation.
+            p_M: The points (P, 3) [m]; the marker is at the first.
+        """
         if plan.status != PlanStatus.CLEAR or plan.joint_path is None or self._X_OM is None:
             return False
         placed = observation.from_base_pose(plan.base_pose)
         X_WT = self._evaluator.scenes.torso_pose(placed)
-        p_TM = (X_WT.inverse() @ observation.X_WO @ self._X_OM).translation()
         kinematics = self._evaluator.kinematics
         arm = kinematics.sphere_centers_at(plan.joint_path[-1:])[0]
         body, radii = self._body(placed, X_WT)
         hiding = np.concatenate((body, arm)), np.concatenate((radii, kinematics.spheres.radii))
-        return self._is_visible(p_TM, hiding)
+        return self._is_visible(X_WT.inverse() @ observation.X_WO @ self._X_OM, p_M, hiding)
 
-    def _is_visible(self, p_TM: Vector, hiding: tuple[Vector, Vector]) -> bool:
-        """True if a colour camera that is aimed at a point in T sees it past spheres."""
+    def _is_visible(self, X_TM: RigidTransform, p_M: Vector, hiding: tuple[Vector, Vector]) -> bool:
+        """True if a colour camera aimed at the first of some points sees all past spheres."""
+        p_T = (X_TM @ p_M.T).T.reshape(-1, 3)
         centers, radii = hiding
         for camera in (CAMERA_TOP, CAMERA_BOTTOM):
-            head = clamp_head(aim_head(camera, p_TM))
-            if not visible(camera, head, p_TM[None], self._params.lean.image_border)[0]:
+            head = clamp_head(aim_head(camera, p_T[0]))
+            if not visible(camera, head, p_T[:1], self._params.lean.image_border)[0]:
                 continue
             p_TC = camera_pose(camera, head).translation()
-            ray = p_TM - p_TC
-            nearest = np.clip((centers - p_TC) @ ray / (ray @ ray), 0.0, 1.0)
-            gaps = np.linalg.norm(p_TC + np.outer(nearest, ray) - centers, axis=1) - radii
-            if gaps.min() > 0.0:
+            rays, offsets = p_T - p_TC, centers - p_TC
+            along = offsets @ rays.T / np.sum(rays**2, axis=1)
+            nearest = np.clip(along, 0.0, 1.0)[..., None] * rays
+            if np.all(np.linalg.norm(nearest - offsets[:, None], axis=2) > radii[:, None]):
                 return True
         return False
 

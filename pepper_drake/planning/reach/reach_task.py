@@ -29,6 +29,7 @@ class ReachTask:
         image_period: Time between depth images [s].
         goal_solids: The goal object's shapes in its frame: adapted movements keep clear of them.
         X_OM: Pose of the marker on the goal object; None if it carries none.
+        marker_size: Side of its black square [m].
         axis: The axis of the hand whose direction matters for the task.
     """
 
@@ -41,6 +42,7 @@ class ReachTask:
     image_period: float
     goal_solids: Sequence[Solid] = ()
     X_OM: RigidTransform | None = None
+    marker_size: float = 0.0
     axis: GoalAxis = field(default_factory=GoalAxis)
 
     @classmethod
@@ -66,5 +68,6 @@ class ReachTask:
             image_period,
             marked.solids,
             marked.X_OM,
+            marked.marker_size,
             GoalAxis((x, y, z), scene.goal.pre_grasp.tolerance),
         )

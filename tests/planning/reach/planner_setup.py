@@ -26,7 +26,7 @@ ORIGIN = np.zeros(3)
 ARM = body_indices(arm_joints("right"))
 
 
-def make_planner(primitive, coupling, X_OM=None, axis=None, **params):
+def make_planner(primitive, coupling, X_OM=None, axis=None, marker_size=0.0, **params):
     return ReachPlanner(
         primitive,
         ReachTask(
@@ -38,6 +38,7 @@ def make_planner(primitive, coupling, X_OM=None, axis=None, **params):
             params=ReachPlannerParams(**params),
             image_period=0.2,
             X_OM=X_OM,
+            marker_size=marker_size,
             axis=axis or GoalAxis(),
         ),
     )

@@ -55,6 +55,29 @@ def test_for_a_low_goal_the_robot_leans_where_its_head_still_sees_the_marker(mar
     assert leaning.check_reach(there, plan.movement).status == PlanStatus.CLEAR
 
 
+@pytest.mark.parametrize("z", [0.51, 0.55, 0.57])
+def test_the_robot_stands_where_its_tablet_hides_no_corner_of_the_marker(marked, leaning, z):
+    size = Marker().size
+    corners = 0.5 * size * np.array([[0, 0, 0], [-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
+    observation, whole = observed(ORIGIN, object_at(z=z), table(z)), marked(marker_size=size)
+
+    def is_seen(plan):
+        hip_pitch = observation.hip_pitch if plan.hip_pitch is None else plan.hip_pitch
+        return leaning.leaning.shows_marker(plan, observation.with_hip_pitch(hip_pitch), corners)
+
+    assert not is_seen(leaning.plan_base_placement(observation))  # Its centre is enough for this.
+    plan = whole.plan_base_placement(observation)
+    assert plan.status == PlanStatus.CLEAR
+    assert is_seen(plan)
+
+
+def test_where_no_place_shows_the_whole_marker_its_centre_is_enough(marked):
+    observation = observed(ORIGIN, object_at(z=0.51), table(0.51))
+    plan = marked(marker_size=0.2).plan_base_placement(observation)
+    assert plan.status == PlanStatus.CLEAR
+    assert plan.hip_pitch is not None
+
+
 def test_without_a_marker_nothing_must_be_seen(planner):
     plan = planner.plan_base_placement(observed(ORIGIN, LOW, table(0.5)))
     assert plan.hip_pitch is None
