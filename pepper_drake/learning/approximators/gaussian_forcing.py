@@ -40,6 +40,7 @@ def _combine_few(
     weights: Array,
     normalized: bool,
     slopes: bool,
+    added: Array,
 ) -> Array:
     """Evaluates `GaussianBasis.combine` in a scalar loop."""
     count = len(slope)
@@ -57,7 +58,9 @@ def _combine_few(
                 total[n, d] += value * weight
         late = phases[n] / held
         gate = phases[n] * late * late
-        total[n] *= gate / size if normalized else gate
+        for d in range(weights.shape[1]):
+            total[n, d] = (total[n, d] / size if normalized else total[n, d]) + added[d]
+            total[n, d] *= gate
     return total
 
 
@@ -100,22 +103,34 @@ class GaussianBasis:
         values = values * gate[:, None]
         return np.concatenate((values, values * offsets), axis=1) if self.slopes else values
 
-    def combine(self, phases: Array, weights: Array) -> Array:
-        """Returns features(phases) @ weights, (N, D), without building the features."""
-        if len(phases) <= _FEW and phases.dtype == weights.dtype == np.float64:
+    def combine(self, phases: Array, weights: Array, offset: Array | None = None) -> Array:
+        """Returns features(phases) @ weights, (N, D), without building the features.
+
+        Args:
+            phases: (N,).
+            weights: (K, D).
+            offset: (D,) added to the basis functions' sum, before the gate.
+        """
+        offset = np.zeros(weights.shape[1]) if offset is None else offset
+        if len(phases) <= _FEW and phases.dtype == weights.dtype == offset.dtype == np.float64:
             # Copies: read-only or strided arrays would trigger another compilation.
             few: Array = _combine_few(
-                np.array(phases), *self._affine, np.array(weights), self.normalized, self.slopes
+                np.array(phases),
+                *self._affine,
+                np.array(weights),
+                self.normalized,
+                self.slopes,
+                np.array(offset),
             )
             return few
         values, offsets, gate = self._raw(phases)
         size = len(self.centres)
-        if self.normalized:
-            gate = gate / (values @ self._ones)
         total = values @ weights[:size]
         if self.slopes:
             total = total + (values * offsets) @ weights[size:]
-        return total * gate[:, None]
+        if self.normalized:
+            total = total / (values @ self._ones)[:, None]
+        return (total + offset) * gate[:, None]
 
     def _raw(self, phases: Array) -> tuple[Array, Array, Array]:
         """Returns the functions (N, B), not normalised, (x - c) / sigma (N, B), the gate (N,)."""

@@ -11,6 +11,7 @@ continuously, so that a motion may turn by more than half a turn.
 are those of the goal's orientation; near a pitch of 90 degrees they are singular.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -35,6 +36,8 @@ ORIENTATIONS = ("log_map", "angles")
 
 TURN_THRESHOLD = 1e-3
 """The spring's goal turns while it is further than this from the given goal [rad]."""
+_SAME_GOAL = math.cos(0.5 * TURN_THRESHOLD)
+"""Dot product of unit quaternions that are this far apart."""
 
 
 class OrientationState(NamedTuple):
@@ -172,9 +175,9 @@ class OrientationAttractor:
             tau,
             time_step,
         )
-        turn = so3.log_map(so3.multiply(goal, so3.conjugate(state.goal)))
-        if turn @ turn <= TURN_THRESHOLD**2:
+        if abs(goal @ state.goal) >= _SAME_GOAL:
             return OrientationState(moved, state.start, state.goal)
+        turn = so3.log_map(so3.multiply(goal, so3.conjugate(state.goal)))
         share = 1.0 - np.exp(-self.attractor.goal_rate(tau) * time_step)
         seen = so3.normalize(so3.multiply(so3.exp_map(share * turn), state.goal))
         return OrientationState(

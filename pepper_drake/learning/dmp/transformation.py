@@ -1,5 +1,6 @@
 """The transformation system: a spring-damper to the goal and a learned forcing term."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,6 +9,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.learning.approximators.gaussian_forcing import GaussianForcing
 from pepper_drake.learning.approximators.registry import (
     ForcingData,
     ForcingModel,
@@ -41,6 +43,8 @@ Scalar = Any  # A float, or an AutoDiffXd for gradients.
 
 Forcing = Callable[[Array], Array]
 """A forcing term with its scaling: phases (..., M) to (..., M, D)."""
+
+_NODES = NODES.tolist()
 
 _is_linear: dict[type, bool] = {}
 """For each class of forcing models, whether they are linear in their weights."""
@@ -92,10 +96,19 @@ class DelayedGoal(NamedTuple):
         """(D,) the delayed goal, to which the spring pulls."""
         return self.line[0] if self.lag is None else self.line[0] + self.lag
 
-    def seen(self, position: Array, velocity: Array) -> "DelayedGoal":
-        """Returns the goal after an observation; moves under `GOAL_THRESHOLD` are ignored."""
+    def seen(self, position: Array, velocity: Array | None = None) -> "DelayedGoal":
+        """Returns the goal after an observation; moves under `GOAL_THRESHOLD` are ignored.
+
+        Args:
+            position: (D,).
+            velocity: (D,); None means as it is known.
+        """
         displacement = position - self.position
-        if displacement @ displacement <= GOAL_THRESHOLD**2:
+        moved = displacement @ displacement > GOAL_THRESHOLD**2
+        if not moved and velocity is None:
+            return self
+        velocity = self.line[1] if velocity is None else velocity
+        if not moved:
             return DelayedGoal(np.array((self.position, velocity)), self.lag)
         return DelayedGoal(np.array((position, velocity)), self.delayed - position)
 
@@ -140,6 +153,13 @@ class TransformationModel:
             _is_linear[kind] = isinstance(model, LinearForcingModel)
         return cast(LinearForcingModel, model) if _is_linear[kind] else None
 
+    @cached_property
+    def _gaussian(self) -> GaussianForcing | None:
+        """The forcing term if its basis functions have the offset's gate, else None."""
+        model = self.model
+        gated = isinstance(model, GaussianForcing) and model.basis.alpha_x == self.alpha_x
+        return cast(GaussianForcing, model) if gated else None
+
     def matrix(self, start: Array, goal: Array) -> Array | None:
         """Returns the scaling's matrix S for a start and a goal."""
         return scaling_matrix(self.scaling, self.frame, start, goal)
@@ -158,14 +178,20 @@ class TransformationModel:
                 model's features, the function then takes phases (S, M).
         """
         matrix, offset = self.matrix(start, goal), self.offset(start, goal)
-        if offset is not None and (offset == 0.0).all():
-            offset = None
         model, linear = self.model, self.linear_model
+        one = weights is None or weights.ndim == 2
+        gaussian = self._gaussian if matrix is None and one else None
         given = None
-        if weights is not None and linear is not None and weights.ndim == 2:
-            given = linear.with_weights(weights)
+        if gaussian is None:
+            if offset is not None and (offset == 0.0).all():
+                offset = None
+            if weights is not None and linear is not None and one:
+                given = linear.with_weights(weights)
 
         def forcing(phases: Array) -> Array:
+            if gaussian is not None and phases.ndim == 1:
+                own = gaussian.weights if weights is None else weights
+                return gaussian.basis.combine(phases, own, offset)
             if weights is None or linear is None:
                 values = model(phases)
             elif given is not None and phases.ndim == 1:
@@ -200,10 +226,11 @@ class TransformationModel:
             forcing: (..., D) the forcing term.
             tau: [s].
         """
-        seen = goal.line
-        if goal.lag is not None:
-            seen = np.array((goal.delayed, seen[1]))
-        return acceleration(state, seen, forcing, tau, self.alpha_z)
+        undelayed = acceleration(state, goal.line, forcing, tau, self.alpha_z)
+        if goal.lag is None:
+            return undelayed
+        w = self.alpha_z / (2.0 * tau)
+        return undelayed + (w * w) * goal.lag
 
     def advance(
         self,
@@ -266,6 +293,8 @@ def node_phases(phase: Scalar, decay: Scalar, time_step: float) -> Array:
         decay: (...) -x' / x [1/s], constant over the step.
         time_step: [s].
     """
+    if isinstance(phase, float) and isinstance(decay, float):
+        return np.array([phase * math.exp(-decay * time_step * node) for node in _NODES])
     exponents = np.asarray(decay)[..., None] * (-time_step * NODES)
     return np.asarray(phase)[..., None] * np.exp(exponents)
 

@@ -30,16 +30,14 @@ def feedforward_pose(
         next_rotation: The same one tick later.
         gain: In (0, 1].
     """
-    p, R = feedforward_poses(
-        position[None], next_position[None], rotation[None], next_rotation[None], gain
-    )
-    return RigidTransform(Quaternion(R[0]), p[0])
+    p, R = feedforward_poses(position, next_position, rotation[None], next_rotation[None], gain)
+    return RigidTransform(Quaternion(R[0]), p)
 
 
 def feedforward_poses(
     position: Vector, next_position: Vector, rotation: Vector, next_rotation: Vector, gain: float
 ) -> tuple[Vector, Vector]:
-    """Returns the desired poses of N ticks: positions (N, 3) [m], rotations (N, 4)."""
+    """Returns the desired poses of N ticks: positions (N, 3) [m], or (3,), rotations (N, 4)."""
     lead = (1.0 - gain) / gain
     # Copies: read-only or non-contiguous arrays would trigger another compilation.
     turned: Vector = _extrapolated(

@@ -47,8 +47,7 @@ class CouplingSum(LeafSystem):
             )
 
     def _calc(self, terms: list[InputPort], context: Context, output: BasicVector) -> None:
-        total = np.zeros(output.size())
-        for term in terms:
-            if term.HasValue(context):
-                total += term.Eval(context)
-        output.SetFromVector(total)
+        values = [term.Eval(context) for term in terms if term.HasValue(context)]
+        output.SetFromVector(
+            values[0] if len(values) == 1 else sum(values, np.zeros(output.size()))
+        )

@@ -167,16 +167,15 @@ class OrientationTransformationSystem(LeafSystem):
         )
 
     def _state(self, context: Any) -> OrientationState:
-        values = context.get_discrete_state_vector().CopyToVector()
-        return OrientationState(values[:6].reshape(2, 3), values[6:9], values[9:_NUMBER])
+        return _state(context.get_discrete_state_vector().CopyToVector())
 
-    def _state_now(self, context: Any) -> OrientationState:
+    def _state_now(self, context: Any, speed: float) -> OrientationState:
         """Returns the state, reset if a motion starts now."""
-        state = self._state(context)
-        if self._movement(context).begins_after(context.get_discrete_state_vector()[_NUMBER]):
+        values = context.get_discrete_state_vector().CopyToVector()
+        state = _state(values)
+        if self._movement(context).begins_after(values[_NUMBER]):
             goal = self.goal_orientation_port.Eval(context)
-            slowed = self._speed(context) / context.get_discrete_state_vector()[_SPEED]
-            return self._learned(context).started_anew(state, goal, slowed)
+            return self._learned(context).started_anew(state, goal, speed / values[_SPEED])
         return state
 
     def _speed(self, context: Any) -> float:
@@ -212,7 +211,7 @@ class OrientationTransformationSystem(LeafSystem):
             velocity = float(self.phase_velocity_port.Eval(context)[0])
             speed = self._speed(context)
             later = self._learned(context).advance(
-                self._state_now(context),
+                self._state_now(context, speed),
                 self.goal_orientation_port.Eval(context),
                 phase,
                 -velocity / (speed * phase) if speed * phase > 0.0 else 0.0,
@@ -233,6 +232,10 @@ class OrientationTransformationSystem(LeafSystem):
     def _update(self, context: Any, discrete: Any) -> None:
         number = float(self._movement(context).id)
         discrete.set_value(_values(self._next_state(context), number, self._speed(context)))
+
+
+def _state(values: Any) -> OrientationState:
+    return OrientationState(values[:6].reshape(2, 3), values[6:9], values[9:_NUMBER])
 
 
 def _values(state: OrientationState, number: float, speed: float) -> Any:

@@ -224,14 +224,13 @@ def TransformationSystem_(T: type) -> type:
 
         def _state_now(self, context: Any) -> Any:
             """Returns the state (15,), reset if a motion starts now."""
-            state = self._state(context)
             if self._time_step == 0.0:
-                return state
-            number, speed = context.get_discrete_state_vector().CopyToVector()[NUM_VALUES:]
-            if self._movement(context).begins_after(number):
-                goal = self.goal_position_port.Eval(context)
-                return state_started_anew(state, goal, self._speed(context) / speed)
-            return state
+                return self._state(context)
+            values = context.get_discrete_state_vector().CopyToVector()
+            if self._movement(context).begins_after(values[-2]):
+                goal, speed = self.goal_position_port.Eval(context), self._speed(context)
+                return state_started_anew(values[:NUM_VALUES], goal, speed / values[-1])
+            return values[:NUM_VALUES]
 
         def _movement(self, context: Any) -> Movement:
             movement: Movement = self.movement_port.Eval(context)
@@ -269,11 +268,10 @@ def TransformationSystem_(T: type) -> type:
 
         def _goal(self, context: Any, state: Any) -> DelayedGoal:
             velocity = self._optional(self.goal_velocity_port, context)
-            lag = state[DELAYED] - state[GOAL]
-            goal = DelayedGoal(np.array((state[GOAL], velocity)), lag)
+            goal = DelayedGoal(np.array((state[GOAL], velocity)), state[DELAYED] - state[GOAL])
             if self._time_step == 0.0:
                 return goal
-            return goal.seen(self.goal_position_port.Eval(context), velocity)
+            return goal.seen(self.goal_position_port.Eval(context))
 
         def _nominal_acceleration(self, context: Any) -> Any:
             return self._present(context).acceleration() * self._movement(context).runs
@@ -291,13 +289,14 @@ def TransformationSystem_(T: type) -> type:
         def _calc_next_state(self, context: Any, value: Any) -> None:
             movement = self._movement(context)
             if movement.runs:
+                speed = self._speed(context)
                 later = self._present(context).later(
                     self._time_step,
                     self.phase_velocity_port.Eval(context)[0],
                     self._optional(self.coupling_port, context),
-                    self._speed(context),
+                    speed,
                 )
-                state = np.concatenate((later, [movement.id, self._speed(context)]))
+                state = np.concatenate((later, [movement.id, speed]))
             else:
                 state = self._resting_state(context)
             value.get_mutable_value()["state"] = state
@@ -319,8 +318,7 @@ def TransformationSystem_(T: type) -> type:
             phase = self.phase_port.Eval(context)[0]
             if self._movement(context).runs and phase < 1.0:
                 seen = self.goal_position_port.Eval(context)
-                goal = self._goal(context, values)
-                values[GOAL] = goal.seen(seen, goal.line[1]).position
+                values[GOAL] = self._goal(context, values).seen(seen).position
             else:
                 values = self._start_state(context)
                 continuous = np.concatenate((values[:6], values[DELAYED]))
