@@ -46,6 +46,19 @@ class Solid:
                 "use a box, cylinder, sphere or capsule."
             )
 
+    def grown(self, margin: float) -> "Solid":
+        """Returns the solid that is larger by a margin [m] on all sides, with its edges sharp."""
+        shape = self.shape
+        if isinstance(shape, Box):
+            larger: Shape = Box(shape.size() + 2.0 * margin)
+        elif isinstance(shape, Cylinder):
+            larger = Cylinder(shape.radius() + margin, shape.length() + 2.0 * margin)
+        elif isinstance(shape, Capsule):
+            larger = Capsule(shape.radius() + margin, shape.length())
+        else:
+            larger = Sphere(shape.radius() + margin)
+        return Solid(larger, self.X_FS)
+
     @functools.cached_property
     def kind(self) -> int:
         """Returns 0 for a box, 1 for a cylinder, 2 for a sphere or a capsule."""

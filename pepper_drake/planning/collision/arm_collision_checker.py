@@ -5,7 +5,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
@@ -16,7 +15,7 @@ from pepper_drake.planning.collision.clearance_table import FARTHEST
 from pepper_drake.planning.collision.compiled_arm import placed_points
 from pepper_drake.planning.collision.compiled_grid import Spheres
 from pepper_drake.planning.collision.distance_grid import DistanceGrid, Region
-from pepper_drake.planning.collision.exact_distance import ExactDistance
+from pepper_drake.planning.collision.exact_distance import ExactDistance, can_reach_body
 from pepper_drake.planning.collision.sphere_model import SphereModel, arm_link_names
 
 Vector = npt.NDArray[np.float64]
@@ -39,33 +38,33 @@ def arm_region(arm: str) -> Region:
     return Region.of([-0.20, y[0], -0.50], [0.50, y[1], 0.46], GRID_SPACING)
 
 
-_SELF_COLLISION_LINKS = ("ForeArm", "wrist")
-"""The arm's links that can reach the body; those nearer to the shoulder touch it by design."""
-
-
 def self_collision_spheres(spheres: SphereModel) -> npt.NDArray[np.bool_]:
     """Which of an arm's spheres (S,) can reach the robot's body."""
-    return np.array([spheres.link_names[k].endswith(_SELF_COLLISION_LINKS) for k in spheres.link])
+    return np.array([can_reach_body(spheres.link_names[k]) for k in spheres.link])
+
+
+_BESIDE_A_HANGING_ARM = ("Hip", "Pelvis", "Tibia")
 
 
 class BodyShapes:
     """Pepper's collision shapes without those of one arm and its shoulder.
 
-    The head turns while the arm moves, to places that a plan does not know: its shape is that of
-    all its angles, and larger by the allowance, as no posture of the arm has to touch it.
+    An arm that hangs down is only millimetres from hip and leg. No arm has to be as near to the
+    rest of the body, whose shapes are larger by a margin. The head turns while the arm moves, to
+    places that a plan does not know: it has the shape of all its angles.
 
     Args:
         model: Pepper.
         arm: "left" or "right".
-        allowance: Depth to which the arm's spheres may enter other shapes of the body [m].
+        margin: Added to all shapes but those of hip and leg [m].
 
     Attributes:
         head: The head's shapes, in T.
     """
 
-    def __init__(self, model: ControlModel, arm: str, allowance: float = 0.0) -> None:
+    def __init__(self, model: ControlModel, arm: str, margin: float = 0.0) -> None:
         self._model = model
-        self.head = SolidSet(swept_head(model, allowance))
+        self.head = SolidSet(swept_head(model, margin))
         left_out = {*arm_link_names(arm), f"{arm[0].upper()}Shoulder", "Head"}
         self._solids: list[Solid] = []
         self._frames = []
@@ -74,7 +73,8 @@ class BodyShapes:
             if body.name() in left_out:
                 continue
             own = collision_solids(model.plant, model.diagram.scene_graph(), index)
-            self._solids += own
+            larger = 0.0 if body.name() in _BESIDE_A_HANGING_ARM else margin
+            self._solids += [solid.grown(larger) for solid in own]
             self._frames += [body.body_frame()] * len(own)
         # The body's joints are the same for all that one answer, or a base placement, asks.
         self._recent = lru_cache(maxsize=4)(self._at)
@@ -102,7 +102,7 @@ def swept_head(model: ControlModel, margin: float) -> list[Solid]:
 
     Args:
         model: Pepper.
-        margin: Added to the sphere's radius [m].
+        margin: By which it is larger [m].
     """
     plant, context = model.plant, model.create_context()
     head, torso = plant.GetBodyByName("Head"), plant.GetFrameByName("torso")
@@ -114,7 +114,7 @@ def swept_head(model: ControlModel, margin: float) -> list[Solid]:
             joints[_HEAD_JOINTS] = yaw, pitch
             plant.SetPositions(context, model.positions(joints, np.zeros(3)))
             X_TH = head.body_frame().CalcPose(context, torso)
-            swept += [Solid(Sphere(s.shape.radius() + margin), X_TH @ s.X_FS) for s in own]
+            swept += [Solid(s.shape, X_TH @ s.X_FS).grown(margin) for s in own]
     return swept
 
 
@@ -169,20 +169,25 @@ class ArmCollisionChecker:
     def self_distances(self, joints: Vector, within: float = np.inf) -> Vector:
         """Returns the least distance (N,) of forearm and hand to the robot's body [m].
 
-        The spheres bulge out of the arm's shapes: a hand that hangs beside the body, a few
-        millimetres from it, has about -5 mm.
-
         Args:
             joints: (N, 5) [rad].
             within: Distances are exact up to here [m]; greater ones may come out less, but not
-                below this. With it, only spheres near the body cost anything.
+                below this. With it, only postures near the body cost anything.
         """
-        centers = self.kinematics.sphere_centers_at(joints)[:, self._watched]
+        # The spheres enclose the arm: what they are not near to, the arm is not.
         radii = self.kinematics.spheres.radii[self._watched]
+        spheres = self.kinematics.sphere_centers_at(joints)[:, self._watched]
         cap = within + float(radii.max())
-        away = np.minimum(self._body().distance(centers, cap), self._head.distance(centers, cap))
-        distances: Vector = (away - radii).min(axis=1)
+        distances: Vector = (self._body_distance(spheres, cap) - radii).min(axis=1)
+        near = np.flatnonzero(distances < within)
+        if len(near):
+            points = self._shapes.surface_points(joints[near])
+            distances[near] = self._body_distance(points, within).min(axis=1)
         return distances
+
+    def _body_distance(self, p_T: Vector, cap: float) -> Vector:
+        """Returns distances (...) of points (..., 3) to body and head, at most `cap` [m]."""
+        return np.minimum(self._body().distance(p_T, cap), self._head.distance(p_T, cap))
 
     @cached_property
     def grid(self) -> DistanceGrid:

@@ -10,15 +10,20 @@ from pepper_drake.models.control_model import ControlModel
 from pepper_drake.perception.mapping.solids import (
     Solid,
     SolidArrays,
+    SolidSet,
     collision_solids,
     minimum_link_distances,
+    sample_surface,
 )
 from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+from pepper_drake.planning.collision.sphere_model import SphereModel
 
 Vector = npt.NDArray[np.float64]
 
 NEAR = 0.03
 """Distances below this are exact; those above are the spheres', which bulge by 14 mm [m]."""
+_SPACING = 0.008
+"""Spacing of the points on the arm's surface: an edge between two of them is 2 mm nearer [m]."""
 
 
 class ExactDistance:
@@ -45,6 +50,7 @@ class ExactDistance:
             links += [number] * len(own)
             solids += own
         self._links, self._solids = np.array(links), SolidArrays.of(solids)
+        self._surface = _surface(kinematics.spheres.link_names, links, solids)
 
     def distances(
         self,
@@ -80,3 +86,26 @@ class ExactDistance:
                 NEAR,
             )
         return least
+
+    def surface_points(self, joints: Vector) -> Vector:
+        """Returns points (N, P, 3) on forearm and hand in T [m], 8 mm apart, at joints (N, 5)."""
+        return self.kinematics.sphere_centers(self.kinematics.poses(joints), self._surface)
+
+
+def can_reach_body(link_name: str) -> bool:
+    """Tells whether a link can reach the body; those nearer to the shoulder touch it by design."""
+    return link_name.endswith(("ForeArm", "wrist"))
+
+
+def _surface(names: tuple[str, ...], links: list[int], solids: list[Solid]) -> SphereModel:
+    """Returns the points of the outer surface of the links that can reach the body."""
+    link, points = [np.zeros(0, dtype=np.intp)], [np.zeros((0, 3))]
+    for number, name in enumerate(names):
+        own = [solid for k, solid in zip(links, solids, strict=True) if k == number]
+        if can_reach_body(name):
+            on = sample_surface(own, _SPACING)
+            on = on[SolidSet(own).distance(on) > -1e-6]
+            points.append(on)
+            link.append(np.full(len(on), number))
+    centers = np.concatenate(points)
+    return SphereModel(names, np.concatenate(link), centers, np.zeros(len(centers)))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.planning.collision.arm_kinematics import ArmKinematics
+from pepper_drake.planning.collision.arm_kinematics import ArmKinematics, ArmPoses
 
 Vector = npt.NDArray[np.float64]
 
@@ -60,12 +60,12 @@ def path_distances(
     return PathDistances(indices[order], np.concatenate((coarse, measure(path[inner])))[order])
 
 
-def arm_motion(kinematics: ArmKinematics, path: Vector) -> Vector:
+def arm_motion(kinematics: ArmKinematics, poses: ArmPoses) -> Vector:
     """Returns how far the spheres of an arm move at most between postures of a path (N - 1,) [m].
 
     Args:
         kinematics: Kinematics of the arm.
-        path: Postures (N, 5) [rad].
+        poses: Poses of the path's N postures.
     """
-    steps = np.diff(kinematics.sphere_centers_at(path), axis=0)
+    steps = np.diff(kinematics.sphere_centers(poses), axis=0)
     return np.asarray(np.sqrt(np.einsum("nsi,nsi->ns", steps, steps).max(axis=1, initial=0.0)))

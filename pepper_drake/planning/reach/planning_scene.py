@@ -72,7 +72,8 @@ class PlanningSceneBuilder:
     ) -> None:
         self._model, self._arm, self._params = model, arm, params
         self._shapes = ExactDistance(model, arm_kinematics(model, arm))
-        self._body = BodyShapes(model, arm, -params.self_clearance)
+        margin = params.upper_body_clearance - params.hanging_clearance
+        self._body = BodyShapes(model, arm, margin)
         self._goal_object = PointCloudDistance(sample_surface(goal_solids), extension=0.0)
         self._goal_radius = max((solid.width for solid in goal_solids), default=0.0)
         self._arm_in_body = body_indices(arm_joints(arm))

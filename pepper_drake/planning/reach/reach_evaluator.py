@@ -186,10 +186,10 @@ class ReachEvaluator:
         reached = poses.hand_position
         error = float(np.linalg.norm(reached[-1] - X_TG.translation()))
         behind = float(np.linalg.norm(reached - hand.positions[: len(reached)], axis=1).max())
-        motion = arm_motion(self.kinematics, joint_path)
+        motion = arm_motion(self.kinematics, poses)
         along = partial(path_distances, path=joint_path, motion=motion)
         clearance = along(scene.checker.distances).minimum
-        near_body = partial(scene.checker.self_distances, within=params.self_clearance + NEAR)
+        near_body = partial(scene.checker.self_distances, within=params.hanging_clearance + NEAR)
         status, message = PlanStatus.CLEAR, ""
         if error > params.tolerance.arrive:
             status = PlanStatus.OUT_OF_REACH
@@ -197,7 +197,7 @@ class ReachEvaluator:
         elif behind > params.following.plan:
             status = PlanStatus.CANNOT_FOLLOW
             message = f"the hand would fall {1000 * behind:.0f} mm behind its movement"
-        elif along(near_body, below=params.self_clearance).minimum < params.self_clearance:
+        elif along(near_body, below=params.hanging_clearance).minimum < params.hanging_clearance:
             status = PlanStatus.SELF_COLLISION
             message = "the arm would run into the robot's own body"
         elif collision_checked and clearance < params.clearance.start - allowance:

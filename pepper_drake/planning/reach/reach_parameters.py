@@ -123,7 +123,13 @@ class ReachPlannerParams:
     """Clearance by which a plan made from a distance may fall short [m]; it is checked again on
     arrival, where the view of the scene is better."""
     self_clearance: float = -0.012
-    """Clearance of the arm's spheres, which are larger than the arm, to the body [m]."""
+    """Clearance of the arm's spheres, which are larger than the arm, to the body in the search for
+    a path [m]."""
+    hanging_clearance: float = 0.0
+    """Clearance of the arm to hip and leg [m]: hanging down it is 1 to 5 mm from them."""
+    upper_body_clearance: float = 0.004
+    """Clearance of the arm to torso, tablet, other arm, and the head at any angle [m]: the tracking
+    error at 0.5 m/s."""
     solid_depth: float = 0.03
     """Thickness that is assumed below each point of the cloud [m]: that of a table top."""
     settle: float = 0.4

@@ -22,7 +22,7 @@ def remaining_clearance(
     """Returns the clearance along the rest of a plan's path; see `Planner`."""
     scene = evaluator.scenes(observation)
     rest = path_ahead(plan, observation)
-    motion = arm_motion(evaluator.kinematics, rest)
+    motion = arm_motion(evaluator.kinematics, evaluator.kinematics.poses(rest))
     indices, distances = path_distances(scene.checker.distances, rest, motion)
     times: Vector = np.asarray(plan.time_step * indices, dtype=float)
     return RemainingClearance(times, distances)

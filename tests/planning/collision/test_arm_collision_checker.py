@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Cylinder, Sphere
+from pydrake.geometry import Box, Cylinder, Role, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
-from pepper_drake.models.control_model import body_indices, shared_control_model
+from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
 from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.perception.mapping.solids import (
     Solid,
@@ -162,32 +162,76 @@ def test_surface_points_lie_on_the_surface_and_leave_no_hole():
 
 
 @pytest.mark.parametrize("part", ["body", "head"])
-def test_self_distances_are_those_of_forearm_and_hand_to_the_body(part):
-    hand = SHAPES.kinematics.hand_pose(JOINTS[0]).translation()
-    near, far = (
-        Solid(Sphere(0.05), RigidTransform(hand + [0.0, 0.0, above])) for above in (0.3, 9.0)
-    )
-    solids = [near, far] if part == "body" else [far, near]
+def test_self_distances_are_those_of_forearm_and_hand_to_the_body(part, true_clearance):
+    for joints in JOINTS:
+        ahead = SHAPES.kinematics.hand_pose(joints).translation() + [0.15, 0.0, 0.0]
+        near, far = (Solid(Sphere(0.05), RigidTransform(p)) for p in (ahead, ahead + 9.0))
+        body, head = (near, far) if part == "body" else (far, near)
+        checker = ArmCollisionChecker(
+            SHAPES,
+            NOTHING,
+            X_FT=RigidTransform(),
+            goal_object=NOTHING,
+            X_TO=RigidTransform(),
+            body=lambda body=body: SolidSet([body]),
+            head=SolidSet([head]),
+            body_layer=lambda: np.zeros(0, np.float32),
+        )
+        distance = checker.self_distances(joints[None])[0]
+        truth = true_clearance("right", joints, ahead[None], cap=0.5) - 0.05
+        assert 0.0 < truth - 1e-9 <= distance <= truth + 0.001
+        assert checker.self_distances(joints[None], 0.5)[0] == pytest.approx(distance)
+        assert 0.0 <= checker.self_distances(joints[None], 0.0)[0] <= distance
+
+
+def test_self_distances_are_those_of_drake():
+    body = BodyShapes(MODEL, "right")
+    root = MODEL.diagram.CreateDefaultContext()
+    context = MODEL.plant.GetMyMutableContextFromRoot(root)
+    scene_graph = MODEL.diagram.scene_graph()
+    inspector = scene_graph.model_inspector()
+    moving = {f"R{name}" for name in ("Shoulder", "Bicep", "Elbow")} | {"Head", "r_wrist"}
+
+    def geometries(keep):
+        return [
+            geometry
+            for index in MODEL.plant.GetBodyIndices(MODEL.model_instance)
+            if keep(MODEL.plant.get_body(index).name())
+            for geometry in inspector.GetGeometries(
+                MODEL.plant.GetBodyFrameIdOrThrow(index), Role.kProximity
+            )
+        ]
+
+    arm = geometries(lambda name: name in ("RForeArm", "r_wrist"))
+    others = geometries(lambda name: name not in moving | {"RForeArm"})
+    rng = np.random.default_rng(0)
+    limits = MODEL.command_limits(arm_joints("right"))
+    joints, compared = np.zeros(15), 0
+    joints[body_indices(["LShoulderPitch", "LShoulderRoll"])] = 1.4, 0.2
     checker = ArmCollisionChecker(
         SHAPES,
         NOTHING,
         X_FT=RigidTransform(),
         goal_object=NOTHING,
         X_TO=RigidTransform(),
-        body=lambda: SolidSet(solids[:1]),
-        head=SolidSet(solids[1:]),
+        body=lambda: body.at(joints),
+        head=SolidSet([]),
         body_layer=lambda: np.zeros(0, np.float32),
     )
-    spheres = SHAPES.kinematics.spheres
-    moving = [k for k, link in enumerate(spheres.link) if spheres.link_names[link] != "RBicep"]
-    moving = [k for k in moving if spheres.link_names[spheres.link[k]] != "RElbow"]
-    for joints, distance in zip(JOINTS, checker.self_distances(JOINTS), strict=True):
-        centers = SHAPES.kinematics.sphere_centers_at(joints[None])[0, moving]
-        away = np.linalg.norm(centers - (hand + [0.0, 0.0, 0.3]), axis=1)
-        least = (away - 0.05 - spheres.radii[moving]).min()
-        assert distance == pytest.approx(least)
-        assert checker.self_distances(joints[None], 0.5)[0] == pytest.approx(least)
-        assert 0.0 <= checker.self_distances(joints[None], 0.0)[0] <= least
+    for _ in range(300):
+        q = rng.uniform(limits.position_lower, limits.position_upper)
+        joints[body_indices(arm_joints("right"))] = q
+        distance = checker.self_distances(q[None])[0]
+        if not 0.0 < distance < 0.05:
+            continue
+        MODEL.plant.SetPositions(context, MODEL.positions(joints, np.zeros(3)))
+        query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(root))
+        truth = min(
+            query.ComputeSignedDistancePairClosestPoints(a, b).distance for a in arm for b in others
+        )
+        assert truth - 1e-5 <= distance <= max(truth, 0.0) + 0.0025
+        compared += 1
+    assert compared > 20
 
 
 def test_the_body_is_the_robot_without_the_arm_and_its_shoulder():
@@ -224,7 +268,7 @@ def test_wherever_the_head_turns_it_is_where_a_plan_takes_it_to_be():
 
 
 def test_a_hand_beside_the_head_collides_whichever_way_it_is_turned():
-    shapes = BodyShapes(MODEL, "right", allowance=0.012)
+    shapes = BodyShapes(MODEL, "right")
     for yaw in (-0.6, 0.0, 0.9):
         joints = np.zeros(15)
         joints[body_indices(["HeadYaw"])] = yaw
@@ -238,5 +282,15 @@ def test_a_hand_beside_the_head_collides_whichever_way_it_is_turned():
             head=shapes.head,
             body_layer=lambda: sample_body("right", shapes.head, 0.012),
         )
-        assert checker.self_distances(HEAD_AT_THE_SHOULDER[None])[0] < -0.012
+        assert checker.self_distances(HEAD_AT_THE_SHOULDER[None])[0] < 0.0
         assert checker.approximate_distances(HEAD_AT_THE_SHOULDER[None]).min() < 0.0
+
+
+def test_all_but_hip_and_leg_is_larger_by_the_margin():
+    exact, larger = (BodyShapes(MODEL, "right", margin=m) for m in (0.0, 0.01))
+    chest, leg = np.array([[0.3, 0.0, 0.0]]), np.array([[0.4, 0.0, -0.6]])
+    for place, margin in ((chest, 0.01), (leg, 0.0)):
+        near, nearer = (shapes.at(np.zeros(15)).distance(place)[0] for shapes in (exact, larger))
+        assert near - nearer == pytest.approx(margin, rel=0.4, abs=1e-9)
+    head = np.array([[0.4, 0.0, 0.3]])
+    assert (exact.head.distance(head) - larger.head.distance(head))[0] == pytest.approx(0.01)

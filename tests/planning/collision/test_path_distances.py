@@ -48,7 +48,7 @@ def test_an_obstacle_that_is_near_for_a_moment_only_is_found(nearest):
     def distances(q):
         return SHAPES.distances(q, field, RigidTransform(), within=0.15)
 
-    found = path_distances(distances, path, arm_motion(KINEMATICS, path))
+    found = path_distances(distances, path, arm_motion(KINEMATICS, KINEMATICS.poses(path)))
     assert found.minimum == distances(path).min()
     assert len(found.indices) < 0.6 * len(path)
 
@@ -56,7 +56,7 @@ def test_an_obstacle_that_is_near_for_a_moment_only_is_found(nearest):
 def test_no_distance_changes_by_more_than_the_arm_moves():
     path = fast_path()
     rng = np.random.default_rng(0)
-    motion = arm_motion(KINEMATICS, path)
+    motion = arm_motion(KINEMATICS, KINEMATICS.poses(path))
     for point in rng.uniform([0.0, -0.5, -0.3], [0.4, 0.0, 0.2], (20, 3)):
         field = PointCloudDistance(point[None], extension=0.0)
         # Near 0.15 m there are the spheres' distances, and nearer those of the shapes.
