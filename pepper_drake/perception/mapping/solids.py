@@ -126,6 +126,13 @@ class SolidArrays(NamedTuple):
             np.array([solid.X_FS.translation() for solid in solids]),
         )
 
+    def posed(self, poses: Sequence[RigidTransform]) -> "SolidArrays":
+        """Returns the solids in a frame F, given the poses X_FG (S) of their frames G."""
+        R_FG = np.array([X_FG.rotation().matrix() for X_FG in poses])
+        p_FG = np.array([X_FG.translation() for X_FG in poses])
+        turned = np.einsum("sij,sj->si", R_FG, self.positions)
+        return self._replace(rotations=R_FG @ self.rotations, positions=p_FG + turned)
+
 
 @compiled
 def _signed_distance(
@@ -184,22 +191,17 @@ class SolidSet:
         solids: The solids, posed in F.
     """
 
-    def __init__(self, solids: Sequence[Solid]) -> None:
-        self._solids = list(solids)
+    def __init__(self, solids: Sequence[Solid] | SolidArrays) -> None:
+        self._arrays = solids if isinstance(solids, SolidArrays) else SolidArrays.of(solids)
 
     @classmethod
     def posed(cls, solids: Sequence[Solid], poses: Sequence[RigidTransform]) -> "SolidSet":
         """Returns solids in a frame F, given the poses X_FG of their frames G."""
-        return cls(
-            [
-                Solid(solid.shape, X_FG @ solid.X_FS)
-                for solid, X_FG in zip(solids, poses, strict=True)
-            ]
-        )
+        return cls(SolidArrays.of(solids).posed(poses) if solids else [])
 
     def __len__(self) -> int:
         """Returns the number of solids."""
-        return len(self._solids)
+        return len(self._arrays.kinds)
 
     def distance(self, positions: Points, cap: float = np.inf) -> npt.NDArray[np.float64]:
         """Returns the signed distance (...) [m] of positions (..., 3) to the nearest solid.
@@ -208,7 +210,7 @@ class SolidSet:
         """
         points = np.ascontiguousarray(positions.reshape(-1, 3))
         least = np.full(len(points), float(cap))
-        if len(points) and self._solids:
+        if len(points) and len(self):
             _lower_distances(least, points, self._arrays)
         return least.reshape(positions.shape[:-1])
 
@@ -222,10 +224,6 @@ class SolidSet:
         # The next larger number, so that a distance equal to the margin counts.
         distances = self.distance(p_F, float(np.nextafter(margin, np.inf)))
         return np.asarray(distances <= margin)
-
-    @functools.cached_property
-    def _arrays(self) -> SolidArrays:
-        return SolidArrays.of(self._solids)
 
 
 @compiled

@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel, body_indices
 from pepper_drake.models.pepper import BODY_JOINTS, head_pitch_limits
-from pepper_drake.perception.mapping.solids import Solid, SolidSet, collision_solids
+from pepper_drake.perception.mapping.solids import Solid, SolidArrays, SolidSet, collision_solids
 from pepper_drake.planning.collision.clearance_table import FARTHEST
 from pepper_drake.planning.collision.compiled_arm import placed_points
 from pepper_drake.planning.collision.compiled_grid import Spheres
@@ -66,7 +66,7 @@ class BodyShapes:
         self._model = model
         self.head = SolidSet(swept_head(model, margin))
         left_out = {*arm_link_names(arm), f"{arm[0].upper()}Shoulder", "Head"}
-        self._solids: list[Solid] = []
+        solids: list[Solid] = []
         self._frames = []
         for index in model.plant.GetBodyIndices(model.model_instance):
             body = model.plant.get_body(index)
@@ -74,8 +74,9 @@ class BodyShapes:
                 continue
             own = collision_solids(model.plant, model.diagram.scene_graph(), index)
             larger = 0.0 if body.name() in _BESIDE_A_HANGING_ARM else margin
-            self._solids += [solid.grown(larger) for solid in own]
+            solids += [solid.grown(larger) for solid in own]
             self._frames += [body.body_frame()] * len(own)
+        self._shapes = SolidArrays.of(solids)
         # The body's joints are the same for all that one answer, or a base placement, asks.
         self._recent = lru_cache(maxsize=4)(self._at)
 
@@ -91,7 +92,7 @@ class BodyShapes:
         self._model.plant.SetPositions(context, q)
         torso = self._model.plant.GetFrameByName("torso")
         poses = [frame.CalcPose(context, torso) for frame in self._frames]
-        return SolidSet.posed(self._solids, poses)
+        return SolidSet(self._shapes.posed(poses))
 
 
 def swept_head(model: ControlModel, margin: float) -> list[Solid]:
@@ -218,6 +219,11 @@ class ArmCollisionChecker:
         return np.asarray(self.grid.distance(centers, spheres.layers) - spheres.radii)
 
 
+@lru_cache(maxsize=2)
+def _nodes(arm: str) -> Vector:
+    return arm_region(arm).nodes()
+
+
 def sample_body(arm: str, body: SolidSet, allowance: float) -> npt.NDArray[np.float32]:
     """Distance (N,) of the robot's body at the nodes of `arm_region`, at most `GRID_CAP` [m].
 
@@ -226,5 +232,5 @@ def sample_body(arm: str, body: SolidSet, allowance: float) -> npt.NDArray[np.fl
         body: Its shapes in T.
         allowance: Added to the distance: by this the body may be nearer than obstacles [m].
     """
-    distances = body.distance(arm_region(arm).nodes(), cap=GRID_CAP) + allowance
+    distances = body.distance(_nodes(arm), cap=GRID_CAP) + allowance
     return np.minimum(distances, GRID_CAP).astype(np.float32)

@@ -10,11 +10,12 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel, arm_joints, body_indices
-from pepper_drake.perception.mapping.solids import Solid, sample_surface
+from pepper_drake.perception.mapping.solids import Solid, SolidSet, sample_surface
 from pepper_drake.planning.collision.arm_collision_checker import (
     ArmCollisionChecker,
     BodyShapes,
     sample_body,
+    swept_head,
 )
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.collision.exact_distance import ExactDistance
@@ -74,6 +75,7 @@ class PlanningSceneBuilder:
         self._shapes = ExactDistance(model, arm_kinematics(model, arm))
         margin = params.upper_body_clearance - params.hanging_clearance
         self._body = BodyShapes(model, arm, margin)
+        self._head_layer = _head_layer(model, arm, margin, -params.self_clearance)
         self._goal_object = PointCloudDistance(sample_surface(goal_solids), extension=0.0)
         self._goal_radius = max((solid.width for solid in goal_solids), default=0.0)
         self._arm_in_body = body_indices(arm_joints(arm))
@@ -154,6 +156,10 @@ class PlanningSceneBuilder:
         allowance = -self._params.self_clearance
         return np.minimum(sample_body(self._arm, body, allowance), self._head_layer)
 
-    @cached_property
-    def _head_layer(self) -> npt.NDArray[np.float32]:
-        return sample_body(self._arm, self._body.head, -self._params.self_clearance)
+
+@lru_cache(maxsize=4)
+def _head_layer(
+    model: ControlModel, arm: str, margin: float, allowance: float
+) -> npt.NDArray[np.float32]:
+    """Returns the distances of the head at all its angles on the grid; see `sample_body`."""
+    return sample_body(arm, SolidSet(swept_head(model, margin)), allowance)
