@@ -166,6 +166,12 @@ def check_ranges(scenario: Any) -> None:
         value = attrgetter(name)(scenario)
         if value < least:
             raise InputError(f"{name} is {value:g}; it must be {least} or more")
+    planner = scenario.planner
+    if planner.upper_body_clearance < planner.hanging_clearance:
+        raise InputError(
+            f"planner.upper_body_clearance is {planner.upper_body_clearance:g} m; it must not be "
+            f"less than planner.hanging_clearance, {planner.hanging_clearance:g} m"
+        )
     ik = scenario.controller
     if not ik.limit_margin < ik.limit_influence:
         raise InputError(

@@ -90,6 +90,10 @@ def test_clearances_stay_in_their_order():
         (["planner.retreat.durations=[]"], "planner.retreat: sample_time"),
         (["controller.time_step=0"], "controller.time_step is 0; it must be positive"),
         (["controller.limit_margin=0.2"], "must be greater than controller.limit_margin, 0.2"),
+        (
+            ["planner.hanging_clearance=0.01"],
+            "must not be less than planner.hanging_clearance, 0.01",
+        ),
         (["planner.unseen.cell=-1"], "planner.unseen.cell is -1; it must be positive"),
         (["planner.adaptation.search.population=1"], "it must be 4 or more"),
         (["supervisor.latency.plan=-0.1"], "it must be 0 or more"),

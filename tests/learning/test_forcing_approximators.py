@@ -14,7 +14,7 @@ from pepper_drake.learning.approximators.registry import (
     get_approximator,
 )
 from pepper_drake.learning.least_squares import RIDGE, ridge_regression, ridge_solver
-from pepper_drake.learning.phase import phase_at
+from pepper_drake.learning.phase import gate, phase_at
 
 ALPHA_X = 25 / 3
 OURS = ("trajectory", "trajectory_slopes", "lwr", "lwr_slopes", "rbfn")
@@ -54,6 +54,20 @@ def test_slopes_worked_by_hand():
     weights = np.arange(4.0)[:, None]
     model = GaussianForcing(basis, weights)
     np.testing.assert_allclose(model([0.5]), basis.features([0.5]) @ weights)
+
+
+@pytest.mark.parametrize("count", [1, 4, 40])  # A step's few phases take another path.
+@pytest.mark.parametrize("normalized", [True, False])
+@pytest.mark.parametrize("slopes", [True, False])
+def test_an_offset_is_added_to_the_basis_functions_before_the_gate(count, normalized, slopes):
+    basis = even_basis(7, 0.6, ALPHA_X, normalized=normalized, slopes=slopes)
+    rng = np.random.default_rng(count)
+    phases = np.exp(-ALPHA_X * np.linspace(0.0, 1.2, count))
+    weights, offset = rng.normal(size=(basis.num_features, 3)), rng.normal(size=3)
+    expected = basis.features(phases) @ weights + gate(phases, ALPHA_X)[:, None] * offset
+    np.testing.assert_allclose(basis.combine(phases, weights, offset), expected, atol=1e-14)
+    without = basis.features(phases) @ weights
+    np.testing.assert_allclose(basis.combine(phases, weights), without, atol=1e-14)
 
 
 @given(st.integers(1, 80), st.floats(1e-12, 1.0))
