@@ -70,7 +70,7 @@ class BasePlacementPlanner:
                 "nowhere near the goal is there room for the robot to stand",
                 observation.base_pose,
             )
-        return best
+        return self._evaluator.explained(best, observation)
 
     def has_room(
         self,

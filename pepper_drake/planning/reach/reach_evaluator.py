@@ -24,6 +24,7 @@ from pepper_drake.planning.reach.movement_from_path import (
     reachable_pre_grasp,
 )
 from pepper_drake.planning.reach.movement_origin import Origin
+from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.planning_scene import PlanningScene, PlanningSceneBuilder
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, quality
 from pepper_drake.planning.reach.reach_task import ReachTask
@@ -233,6 +234,22 @@ class ReachEvaluator:
             collision_checked,
             self.time_step,
         )
+
+    def explained(self, refused: ReachPlan, observation: Observation) -> ReachPlan:
+        """Returns the best of plans none of which is clear, with the reason for that.
+
+        What is wrong with the demonstrated movement is not the reason where it could be adapted.
+        """
+        arrives = refused.status in (PlanStatus.CLEAR, PlanStatus.NO_CLEAR_PATH)
+        if self.adapter is None or arrives or refused.movement is not self.demonstrated:
+            return refused
+        scene = self.scenes(observation.from_base_pose(refused.base_pose))
+        shoulder = self.kinematics.poses(scene.arm.position[None]).origins[0, 0]
+        p_TG = (scene.X_TO @ self.demonstrated.X_OG).translation()
+        if np.linalg.norm(p_TG - shoulder) > self.params.reach:
+            return refused
+        message = f"no clear path to the goal was found; as it was demonstrated, {refused.message}"
+        return replace(refused, status=PlanStatus.NO_CLEAR_PATH, message=message)
 
     def _turned_away(self, scene: PlanningScene, R_TH: Vector) -> float:
         """Returns the error of the task axis of a hand (1, 3, 3) if it is too large, else 0 [rad].

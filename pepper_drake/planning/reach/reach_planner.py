@@ -141,7 +141,7 @@ class ReachPlanner:
         if movement is not None and best.status != PlanStatus.CLEAR:
             demonstrated = evaluator.evaluate(scene, self.demonstrated)
             best = max(best, demonstrated, key=evaluator.quality)
-        return self._with_unseen(best, observation)
+        return self._with_unseen(evaluator.explained(best, observation), observation)
 
     def replan(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns the best plan for the rest of a movement; see `Planner`."""
