@@ -6,8 +6,9 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.primitives import Adder, ConstantVectorSource, MatrixGain, Multiplexer
+from pydrake.systems.primitives import Adder, ConstantVectorSource, MatrixGain
 
+from pepper_drake.diagrams.selection import add_selector
 from pepper_drake.models.control_model import BODY_JOINTS, CommandLimits
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.robot_calibration import RobotCalibration
@@ -115,20 +116,17 @@ def add_servos(
     builder.Connect(base_pose, base.base_pose_input)
 
     n, nb = len(BODY_JOINTS), len(JOINT_GROUPS["base"])
-    q_column = {name: k for k, name in enumerate(BODY_JOINTS)}
-    q_column |= {name: 2 * n + k for k, name in enumerate(JOINT_GROUPS["base"])}
+    places = {name: (0, k) for k, name in enumerate(BODY_JOINTS)}
+    places |= {name: (1, k) for k, name in enumerate(JOINT_GROUPS["base"])}
     order = [
-        plant.get_joint_actuator(index).joint().name()
+        places[plant.get_joint_actuator(index).joint().name()]
         for index in plant.GetJointActuatorIndices(pepper)
     ]
-    columns = [q_column[name] for name in order]
-    columns += [q_column[name] + (n if name in BODY_JOINTS else nb) for name in order]
-    merge = builder.AddNamedSystem("commands", Multiplexer([2 * n, 2 * nb]))
-    permute = builder.AddNamedSystem("actuator_order", MatrixGain(D=np.eye(2 * (n + nb))[columns]))
-    builder.Connect(joint_state, merge.get_input_port(0))
-    builder.Connect(base.get_output_port(), merge.get_input_port(1))
-    builder.Connect(merge.get_output_port(), permute.get_input_port())
-    builder.Connect(permute.get_output_port(), plant.get_desired_state_input_port(pepper))
+    rates = [(source, k + (n, nb)[source]) for source, k in order]
+    desired = add_selector(
+        builder, "actuator_order", [joint_state, base.get_output_port()], [*order, *rates]
+    )
+    builder.Connect(desired, plant.get_desired_state_input_port(pepper))
     return gap
 
 

@@ -7,7 +7,6 @@ import math
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
 
-import numpy as np
 from pydrake.geometry import FrameId, GeometryId, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
@@ -25,6 +24,7 @@ from pepper_drake.diagrams.robot_signals import (
     export_triggers,
     worn_camera,
 )
+from pepper_drake.diagrams.selection import add_selector
 from pepper_drake.diagrams.station_config import StationConfig
 from pepper_drake.diagrams.stereo_camera import StereoCamera
 from pepper_drake.models.control_model import (
@@ -85,11 +85,7 @@ def select_joints(
     builder: DiagramBuilder, joint_position: OutputPort, name: str, joints: Sequence[str]
 ) -> OutputPort:
     """Adds a selector of some joints from a port in the order of `BODY_JOINTS`."""
-    selector = builder.AddNamedSystem(
-        name, MatrixGain(D=np.eye(len(BODY_JOINTS))[body_indices(joints)])
-    )
-    builder.Connect(joint_position, selector.get_input_port())
-    return selector.get_output_port()
+    return add_selector(builder, name, [joint_position], [(0, k) for k in body_indices(joints)])
 
 
 def add_gravity_compensation(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
@@ -342,12 +338,9 @@ class PepperStation(Diagram):
             "base_pose": model.position_indices(JOINT_GROUPS["base"]),
         }
         ports = {}
-        for name, columns in rows.items():
-            selector = builder.AddNamedSystem(
-                f"true_{name}", MatrixGain(D=np.eye(2 * num_positions)[columns])
-            )
-            builder.Connect(state, selector.get_input_port())
-            ports[name] = selector.get_output_port()
+        for name, indices in rows.items():
+            elements = [(0, index) for index in indices]
+            ports[name] = add_selector(builder, f"true_{name}", [state], elements)
         builder.ExportOutput(ports["joint_velocity"], "joint_velocity")
         return ports
 
@@ -386,17 +379,16 @@ class PepperStation(Diagram):
                 for name, (kind, _) in plan.items()
             },
         )
-        positions = builder.AddNamedSystem(
-            "true_positions",
-            MatrixGain(D=np.eye(plant.num_positions(), plant.num_multibody_states())),
+        elements = [(0, index) for index in range(plant.num_positions())]
+        positions = add_selector(
+            builder, "true_positions", [plant.get_state_output_port()], elements
         )
-        builder.Connect(plant.get_state_output_port(), positions.get_input_port())
         for number, (name, (kind, offset)) in enumerate(plan.items()):
             sensor = builder.AddNamedSystem(
                 f"{name}_sensor",
                 AsyncRgbdSensor(functools.partial(renderer.render, name), plant.num_positions()),
             )
-            builder.Connect(positions.get_output_port(), sensor.get_input_port())
+            builder.Connect(positions, sensor.get_input_port())
             noise: ColorNoise | DepthNoise
             if kind == "color":
                 noise = ColorNoise() if config.noise else ColorNoise(sigma=0.0)

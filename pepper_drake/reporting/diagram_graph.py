@@ -5,12 +5,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from pydrake.systems.framework import Diagram, System
-from pydrake.systems.primitives import Demultiplexer, MatrixGain, Multiplexer, PassThrough
+from pydrake.systems.primitives import Demultiplexer, MatrixGain, Multiplexer, PassThrough, Selector
 
 INPUTS, OUTPUTS = "inputs", "outputs"
 """Names of the two nodes for the diagram's own ports."""
 
-_PLUMBING = (MatrixGain, Multiplexer, Demultiplexer, PassThrough)
+_PLUMBING = (MatrixGain, Multiplexer, Demultiplexer, PassThrough, Selector)
 """Systems that only rearrange a vector's elements; drawn as arrows, not as nodes."""
 
 _Port = tuple[str, str]
