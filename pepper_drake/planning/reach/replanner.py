@@ -243,6 +243,9 @@ class ReachReplanner:
             is_better = not is_clear or anew.clearance > detour.clearance
             if anew.status == PlanStatus.CLEAR and is_better:
                 return anew
+            # Where to look for a path that is clear but for what is unseen.
+            if anew.status == PlanStatus.NOT_SEEN and not is_clear:
+                return anew
         return detour
 
     def _retreat(

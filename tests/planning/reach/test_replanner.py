@@ -396,12 +396,14 @@ def test_the_head_looks_at_what_the_arm_waits_for():
     np.testing.assert_allclose(one.state.look_at, BESIDE, atol=0.01)
 
 
-def test_an_arm_that_waits_looks_at_what_was_not_seen_of_the_way_on():
+@pytest.mark.parametrize("has_detour", [True, False])
+def test_an_arm_that_waits_looks_at_what_was_not_seen_of_the_way_on(has_detour):
+    """Of a detour, or of a path that is planned anew where no detour is clear."""
     one = waiting()
     one.planner.ahead = 0.02
     unseen = np.array([0.7, -0.25, 0.9])
     not_seen = replace(NO_DETOUR, status=PlanStatus.NOT_SEEN, message="unseen", look_at=unseen)
-    one.planner.detour = one.planner.reach = not_seen
+    one.planner.detour, one.planner.reach = not_seen if has_detour else NO_DETOUR, not_seen
     one.look().advance(LATENCY.plan).look()
     np.testing.assert_allclose(one.state.look_at, unseen)
     assert one.state.message == not_seen.message
