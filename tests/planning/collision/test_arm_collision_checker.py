@@ -51,6 +51,20 @@ def around(kinematics, field, *, X_FT=None, object_field=NOTHING, X_TO=None, bod
     )
 
 
+def among_nothing(body, head=None, layer=None):
+    """A checker of an arm that has only the robot's body around it."""
+    return ArmCollisionChecker(
+        SHAPES,
+        NOTHING,
+        X_FT=RigidTransform(),
+        goal_object=NOTHING,
+        X_TO=RigidTransform(),
+        body=body,
+        head=SolidSet([]) if head is None else head,
+        body_layer=lambda: layer,
+    )
+
+
 def cloud(count=300, seed=0):
     lower, upper = [0.15, -0.5, -0.3], [0.5, 0.0, 0.2]
     return np.random.default_rng(seed).uniform(lower, upper, (count, 3))
@@ -167,16 +181,7 @@ def test_self_distances_are_those_of_forearm_and_hand_to_the_body(part, true_cle
         ahead = SHAPES.kinematics.hand_pose(joints).translation() + [0.15, 0.0, 0.0]
         near, far = (Solid(Sphere(0.05), RigidTransform(p)) for p in (ahead, ahead + 9.0))
         body, head = (near, far) if part == "body" else (far, near)
-        checker = ArmCollisionChecker(
-            SHAPES,
-            NOTHING,
-            X_FT=RigidTransform(),
-            goal_object=NOTHING,
-            X_TO=RigidTransform(),
-            body=lambda body=body: SolidSet([body]),
-            head=SolidSet([head]),
-            body_layer=lambda: np.zeros(0, np.float32),
-        )
+        checker = among_nothing(lambda body=body: SolidSet([body]), SolidSet([head]))
         distance = checker.self_distances(joints[None])[0]
         truth = true_clearance("right", joints, ahead[None], cap=0.5) - 0.05
         assert 0.0 < truth - 1e-9 <= distance <= truth + 0.001
@@ -208,16 +213,7 @@ def test_self_distances_are_those_of_drake():
     limits = MODEL.command_limits(arm_joints("right"))
     joints, compared = np.zeros(15), 0
     joints[body_indices(["LShoulderPitch", "LShoulderRoll"])] = 1.4, 0.2
-    checker = ArmCollisionChecker(
-        SHAPES,
-        NOTHING,
-        X_FT=RigidTransform(),
-        goal_object=NOTHING,
-        X_TO=RigidTransform(),
-        body=lambda: body.at(joints),
-        head=SolidSet([]),
-        body_layer=lambda: np.zeros(0, np.float32),
-    )
+    checker = among_nothing(lambda: body.at(joints))
     for _ in range(300):
         q = rng.uniform(limits.position_lower, limits.position_upper)
         joints[body_indices(arm_joints("right"))] = q
@@ -272,16 +268,8 @@ def test_a_hand_beside_the_head_collides_whichever_way_it_is_turned():
     for yaw in (-0.6, 0.0, 0.9):
         joints = np.zeros(15)
         joints[body_indices(["HeadYaw"])] = yaw
-        checker = ArmCollisionChecker(
-            SHAPES,
-            NOTHING,
-            X_FT=RigidTransform(),
-            goal_object=NOTHING,
-            X_TO=RigidTransform(),
-            body=lambda joints=joints: shapes.at(joints),
-            head=shapes.head,
-            body_layer=lambda: sample_body("right", shapes.head, 0.012),
-        )
+        layer = sample_body("right", shapes.head, 0.012)
+        checker = among_nothing(lambda joints=joints: shapes.at(joints), shapes.head, layer)
         assert checker.self_distances(HEAD_AT_THE_SHOULDER[None])[0] < 0.0
         assert checker.approximate_distances(HEAD_AT_THE_SHOULDER[None]).min() < 0.0
 
