@@ -160,7 +160,11 @@ def test_a_name_without_characters_in_the_terminal_is_printed_by_its_codes():
 
 
 def test_an_interrupt_while_an_app_imports_is_one_line():
-    code = "from pepper_drake import cli\nimport signal\nsignal.raise_signal(signal.SIGINT)\n"
+    # A shell has what it starts in the background ignore the signal.
+    code = (
+        "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from pepper_drake import cli\nsignal.raise_signal(signal.SIGINT)\n"
+    )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert ran.stderr == "interrupted\n"
     assert ran.returncode != 0

@@ -398,7 +398,7 @@ def test_the_head_looks_at_what_the_arm_waits_for():
 
 @pytest.mark.parametrize("has_detour", [True, False])
 def test_an_arm_that_waits_looks_at_what_was_not_seen_of_the_way_on(has_detour):
-    """Of a detour, or of a path that is planned anew where no detour is clear."""
+    """The way on is a detour, or a path planned anew where no detour is clear."""
     one = waiting()
     one.planner.ahead = 0.02
     unseen = np.array([0.7, -0.25, 0.9])
