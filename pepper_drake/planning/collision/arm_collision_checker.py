@@ -64,7 +64,7 @@ class BodyShapes:
 
     def __init__(self, model: ControlModel, arm: str, margin: float = 0.0) -> None:
         self._model = model
-        self.head = SolidSet(swept_head(model, margin))
+        self.head = swept_head(model, margin)
         left_out = {*arm_link_names(arm), f"{arm[0].upper()}Shoulder", "Head"}
         solids: list[Solid] = []
         self._frames = []
@@ -95,8 +95,9 @@ class BodyShapes:
         return SolidSet(self._shapes.posed(poses))
 
 
-def swept_head(model: ControlModel, margin: float) -> list[Solid]:
-    """Returns the head's shape at all its angles to the front, in T.
+@lru_cache(maxsize=4)
+def swept_head(model: ControlModel, margin: float) -> SolidSet:
+    """Returns the head's shape at all its angles to the front, in T, made once.
 
     The head is a sphere with its centre at most 0.1 m from the joints: from one of the angles to
     the next it moves by at most 40 mm, between which the shapes lack 3 mm of what is swept.
@@ -116,7 +117,7 @@ def swept_head(model: ControlModel, margin: float) -> list[Solid]:
             plant.SetPositions(context, model.positions(joints, np.zeros(3)))
             X_TH = head.body_frame().CalcPose(context, torso)
             swept += [Solid(s.shape, X_TH @ s.X_FS).grown(margin) for s in own]
-    return swept
+    return SolidSet(swept)
 
 
 class ArmCollisionChecker:

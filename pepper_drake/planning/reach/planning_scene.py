@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel, arm_joints, body_indices
-from pepper_drake.perception.mapping.solids import Solid, SolidSet, sample_surface
+from pepper_drake.perception.mapping.solids import Solid, sample_surface
 from pepper_drake.planning.collision.arm_collision_checker import (
     ArmCollisionChecker,
     BodyShapes,
@@ -162,4 +162,4 @@ def _head_layer(
     model: ControlModel, arm: str, margin: float, allowance: float
 ) -> npt.NDArray[np.float32]:
     """Returns the distances of the head at all its angles on the grid; see `sample_body`."""
-    return sample_body(arm, SolidSet(swept_head(model, margin)), allowance)
+    return sample_body(arm, swept_head(model, margin), allowance)

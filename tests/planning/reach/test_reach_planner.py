@@ -345,6 +345,15 @@ def test_no_movement_is_clear_that_touches_something_for_a_moment_only(
         assert again.status != PlanStatus.CLEAR or again.movement is not planner.demonstrated
 
 
+def test_the_clearance_to_the_own_body_is_that_of_the_parameters(right_primitive, planner):
+    plan = stand(planner, object_at())
+    assert plan.status == PlanStatus.CLEAR
+    wary = make_planner(right_primitive, make_coupling("barrier"), upper_body_clearance=0.3)
+    refused = wary.check_reach(observed(plan.base_pose, object_at()))
+    assert refused.status != PlanStatus.CLEAR
+    assert "own body" in refused.message
+
+
 def test_where_nothing_is_in_the_way_the_movement_stays_the_one_that_was_shown(planner):
     plan = stand(planner, object_at())
     assert plan.movement is planner.demonstrated
