@@ -85,7 +85,7 @@ ALLOWED = {
     },
     "perception/mapping/dynamic_obstacles.py": {
         "sentinel": "_NOWHERE",
-        "numeric": "_WIDE _REGISTRATIONS",
+        "numeric": "_NARROW _WIDE _REGISTRATIONS",
     },
     "perception/mapping/near_field_occlusion.py": {"numeric": "_PITCH _STEP _BORDER _BESIDE"},
     "perception/mapping/projector_shadow.py": {"geometry": "BOTH_SIDES"},

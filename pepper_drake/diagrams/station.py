@@ -268,13 +268,16 @@ class PepperStation(Diagram):
         build_into(builder, self)
 
     def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
-        """Adapts the parameters of obstacle detection to the noise of this station's images.
+        """Adapts the parameters of obstacle detection to this station's images and neck.
 
         Args:
             parameters: The parameters.
         """
         validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
-        return dataclasses.replace(parameters, validity=validity)
+        error = parameters.pointing_error
+        if self.config.wear is not None:
+            error += self.config.wear.neck_backlash
+        return dataclasses.replace(parameters, validity=validity, pointing_error=error)
 
     def robot_geometries(self) -> set[GeometryId]:
         """Returns Pepper's collision geometries."""

@@ -1,7 +1,7 @@
 """HardwareStation: a real robot with the ports of `PepperStation`, without ground truth."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from pepper_drake.hardware.paced_run import DiagramClock
 from pepper_drake.models.control_model import BODY_JOINTS, CONTROL_PERIOD, ControlModel
 from pepper_drake.models.objects import NO_SCENE, SceneModels
 from pepper_drake.models.robot_calibration import RobotCalibration
+from pepper_drake.models.robot_wear import WearSizes
 from pepper_drake.naoqi.constants import HANDS
 from pepper_drake.perception.calibration.calibrated_cameras import (
     HEAD_CAMERA_MODELS,
@@ -462,5 +463,6 @@ class HardwareStation(Diagram):
         build_into(builder, self)
 
     def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
-        """Returns the parameters of obstacle perception in the depth images, unchanged."""
-        return parameters
+        """Adapts the parameters of obstacle detection to the usual slack of a real neck."""
+        error = parameters.pointing_error + WearSizes().backlash
+        return replace(parameters, pointing_error=error)

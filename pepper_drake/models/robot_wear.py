@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.models.pepper import BODY_JOINTS
+from pepper_drake.models.control_model import body_indices
+from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS
 
 Vector = npt.NDArray[np.float64]
 
@@ -98,6 +99,11 @@ class RobotWear:
             odometry=around(sizes.odometry, 3),
             command_latency=sizes.command_latency,
         )
+
+    @property
+    def neck_backlash(self) -> float:
+        """The larger backlash of the head's joints, from end to end [rad]."""
+        return float(self.backlash[body_indices(JOINT_GROUPS["head"])].max())
 
     def calibrated(self, encoder_offset: Vector) -> "RobotWear":
         """Returns the errors that remain after correcting estimated encoder offsets (15,) [rad]."""

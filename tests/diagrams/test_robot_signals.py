@@ -12,6 +12,7 @@ from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.robot_calibration import JointCalibration, RobotCalibration
 from pepper_drake.models.robot_wear import RobotWear, WearSizes
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.systems.faults.fault import parse_faults
 from pepper_drake.systems.faults.fault_set import FaultSet
 
@@ -143,3 +144,13 @@ def test_a_calibrated_robot_measures_and_does_what_is_true():
     np.testing.assert_allclose(rig.true_rows(BODY_JOINTS)[-1], rig.start, atol=1e-4)
     off = Rig(wear).run(0.6, elbow_speed=0.0)
     assert np.abs(off.true_rows(BODY_JOINTS)[-1] - off.start).max() > np.radians(0.3)
+
+
+def test_obstacles_are_compared_up_to_the_slack_of_a_worn_neck():
+    parameters = ObstacleParameters(pointing_error=0.001)
+    assert Rig().station.obstacle_parameters(parameters).pointing_error == 0.001
+    wear = RobotWear.draw(3)
+    wear.backlash[BODY_JOINTS.index("HeadPitch")] = 0.03
+    wear.backlash[BODY_JOINTS.index("LWristYaw")] = 0.1
+    adapted = Rig(wear).station.obstacle_parameters(parameters)
+    assert adapted.pointing_error == pytest.approx(0.031)

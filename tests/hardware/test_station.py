@@ -29,8 +29,10 @@ from pepper_drake.hardware.station import HardwareStation
 from pepper_drake.hardware.transport import RobotAccess
 from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.models.robot_calibration import JointCalibration, RobotCalibration
+from pepper_drake.models.robot_wear import WearSizes
 from pepper_drake.models.scene import load_scene
 from pepper_drake.naoqi.constants import JOINTS
+from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.robot_server.robot.robot_port import CameraImage
 
 PREPARED = PreflightOptions(disable_life=True)
@@ -81,6 +83,9 @@ def test_the_perception_takes_its_place():
         station = HardwareStation(link, shared_control_model())
         perception = HeadPerception(load_scene("table"), station)
         assert perception.HasOutputPort("cloud")
+        # A real neck has slack.
+        adapted = station.obstacle_parameters(ObstacleParameters(pointing_error=0.001))
+        assert adapted.pointing_error == 0.001 + WearSizes().backlash
 
 
 def test_a_calibrated_robot_says_and_is_told_true_angles():

@@ -94,7 +94,9 @@ class DepthImageMapper:
         )
         if fault != DepthFault.NONE:
             return replace(received, fault=fault)
-        view = DepthFrame(depth, image.X_WC, image.stamp, self.intrinsics)
+        view = DepthFrame(
+            depth, image.X_WC, image.stamp, self.intrinsics, self.parameters.pointing_error
+        )
         return self._with_view(received, image, view)
 
     def _with_view(

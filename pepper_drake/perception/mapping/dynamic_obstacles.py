@@ -29,8 +29,10 @@ from pepper_drake.perception.mapping.voxel_map import (
 Points = npt.NDArray[np.floating]
 
 _NOWHERE: Points = np.zeros((0, 3), np.float32)
+_NARROW = 3
+"""Edge of the square of pixels that must all see through a free place [pixels], ..."""
 _WIDE = 9
-"""Edge of the square of pixels that must all see through a surely free place [pixels]."""
+"""... and through a surely free one."""
 _REGISTRATIONS = 4
 """Iterations of the registration of a surface with the previous one."""
 
@@ -112,20 +114,28 @@ class DepthFrame:
         X_WC: The camera's pose.
         time: Capture time [s].
         intrinsics: The camera.
+        pointing_error: Largest error of the camera's orientation relative to other images [rad].
+            A place is free if all pixels within it see through the place.
     """
 
     depth: npt.NDArray[np.float32]
     X_WC: RigidTransform
     time: float
     intrinsics: CameraIntrinsics
+    pointing_error: float = 0.0
 
     @functools.cached_property
     def _clear(self) -> npt.NDArray[np.float32]:
-        return minimum_depth(self.depth, self.intrinsics)
+        return minimum_depth(self.depth, self.intrinsics, self._width(_NARROW))
 
     @functools.cached_property
     def _wide_clear(self) -> npt.NDArray[np.float32]:
-        return minimum_depth(self.depth, self.intrinsics, _WIDE)
+        return minimum_depth(self.depth, self.intrinsics, self._width(_WIDE))
+
+    def _width(self, least: int) -> int:
+        """Returns the edge of the square of pixels that must see through a free place."""
+        focal = max(self.intrinsics.focal_x, self.intrinsics.focal_y)
+        return max(2 * int(np.ceil(self.pointing_error * focal)) + 1, least)
 
     def sees_free_space(
         self, p_W: Points, memory: VoxelMapParameters, *, surely: bool = False

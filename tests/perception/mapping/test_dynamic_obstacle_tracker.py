@@ -30,12 +30,12 @@ def image(millimetres=None, column=160):
     return depth
 
 
-def shown(*frames):
+def shown(*frames, pointing_error=0.0):
     """State after images, each with its time and the camera's pose."""
     tracker, voxels = DynamicObstacleTracker(), VoxelMap.empty()
     for depth, time, X_WD in frames:
         voxels = update_obstacles(voxels, depth, time, X_WD, CAMERA, [], PARAMETERS)
-        view = DepthFrame(depth_in_metres(depth, CAMERA), X_WD, time, CAMERA)
+        view = DepthFrame(depth_in_metres(depth, CAMERA), X_WD, time, CAMERA, pointing_error)
         tracker, voxels = update_tracker(tracker, voxels, view, [], PARAMETERS)
     return tracker, voxels
 
@@ -111,6 +111,18 @@ def test_what_moves_too_slowly_for_two_images_is_told_from_older_ones():
     assert len(tracker.things) == 1
     assert tracker.things[0].velocity[0] > 0.02
     assert len(tracker.views) <= 4, "of views that show the same few are kept"
+
+
+def test_what_only_seems_to_move_as_the_neck_has_slack_is_not_new():
+    slack = np.radians(1.0)
+    turned = round(slack * CAMERA.focal_x)
+    frames = (image(800), 0.0, X_WC), (image(800, 160 + turned), 0.2, X_WC)
+    assert len(shown(*frames)[0].things) == 1
+    tracker, _ = shown(*frames, pointing_error=slack)
+    assert tracker.things == ()
+    assert len(tracker.transient_keys) == 0
+    # What comes is as wide as a fist, more than the slack.
+    assert len(shown((image(), 0.0, X_WC), frames[1], pointing_error=slack)[0].things) == 1
 
 
 def test_on_the_way_only_what_is_behind_all_is_learned():
