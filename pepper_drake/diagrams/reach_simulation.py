@@ -196,6 +196,10 @@ class ReachSimulation:
         if self._options.meshcat is not None:
             draw_cloud(self._options.meshcat, self._cloud_W)
 
+    def states(self) -> Vector:
+        """Returns the logged states (N, n) of the station's plant."""
+        return self._rows("state")
+
     def _rows(self, name: str) -> Vector:
         """Returns the logged rows (N, n) of one signal."""
         log = self.reaching.logs[name].FindLog(self.simulator.get_context())
@@ -250,7 +254,7 @@ class ReachSimulation:
             for moving in station.scene_models.moving
             for axis in "xyz"
         ]
-        return self._rows("state")[:, columns]
+        return self.states()[:, columns]
 
     def _sequence(self) -> SequenceState:
         """Returns the progress in the tasks; that of a reach without tasks is finished."""
@@ -285,7 +289,7 @@ class ReachSimulation:
         plant_context = plant.CreateDefaultContext()
         task = self.reaching.scene.goal.pre_grasp
         known, goals = len(self._true_rows), self._sequence().goals
-        for state, number in zip(self._rows("state")[known:], self._tasks()[known:], strict=True):
+        for state, number in zip(self.states()[known:], self._tasks()[known:], strict=True):
             plant.SetPositionsAndVelocities(plant_context, state)
             X_WH, X_WG = self._true_poses(plant_context, goals[number])
             distance, angle = pose_error(X_WH, X_WG)
@@ -349,7 +353,7 @@ class ReachSimulation:
                 reaching,
                 self._planned_with,
                 root.Clone(),
-                self._rows("state")[started],
+                self.states()[started],
             )
         perception = reaching.perception
         seen = perception.GetMyContextFromRoot(root)
@@ -376,7 +380,7 @@ class ReachSimulation:
         touch = touch_speed(
             station,
             station.GetMyMutableContextFromRoot(root),
-            self._rows("state"),
+            self.states(),
             log.clearance_m,
         )
         if touch is not None:
@@ -407,7 +411,7 @@ class ReachSimulation:
         reaching = self.reaching
         root = self.simulator.get_context().Clone()
         plant = reaching.station.plant
-        state = self._rows("state")[int(np.argmin(log.clearance_m))]
+        state = self.states()[int(np.argmin(log.clearance_m))]
         plant.SetPositionsAndVelocities(plant.GetMyMutableContextFromRoot(root), state)
         query = reaching.GetOutputPort("ground_truth.query").Eval(
             reaching.GetMyContextFromRoot(root)
