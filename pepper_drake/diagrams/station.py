@@ -35,6 +35,7 @@ from pepper_drake.models.control_model import (
 )
 from pepper_drake.models.objects import NO_SCENE, SceneModels, add_scene
 from pepper_drake.models.pepper import JOINT_GROUPS, add_pepper, posture_positions
+from pepper_drake.models.robot_wear import WearSizes
 from pepper_drake.models.scene import Scene
 from pepper_drake.perception.calibration.calibrated_cameras import (
     HEAD_CAMERA_MODELS,
@@ -268,7 +269,7 @@ class PepperStation(Diagram):
         build_into(builder, self)
 
     def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
-        """Adapts the parameters of obstacle detection to this station's images and neck.
+        """Adapts the parameters of obstacle detection to this station's images and robot.
 
         Args:
             parameters: The parameters.
@@ -276,7 +277,7 @@ class PepperStation(Diagram):
         validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
         error = parameters.pointing_error
         if self.config.wear is not None:
-            error += self.config.wear.neck_backlash
+            error += WearSizes().pointing_error
         return dataclasses.replace(parameters, validity=validity, pointing_error=error)
 
     def robot_geometries(self) -> set[GeometryId]:

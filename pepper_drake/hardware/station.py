@@ -463,6 +463,6 @@ class HardwareStation(Diagram):
         build_into(builder, self)
 
     def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
-        """Adapts the parameters of obstacle detection to the usual slack of a real neck."""
-        error = parameters.pointing_error + WearSizes().backlash
+        """Adapts the parameters of obstacle detection to the usual wear of a real robot."""
+        error = parameters.pointing_error + WearSizes().pointing_error
         return replace(parameters, pointing_error=error)

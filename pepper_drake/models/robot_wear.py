@@ -5,8 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.models.control_model import body_indices
-from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS
+from pepper_drake.models.pepper import BODY_JOINTS
 
 Vector = npt.NDArray[np.float64]
 
@@ -14,6 +13,9 @@ ROBOTS = ("ideal", "worn")
 """Simulated robots: as in the model, and worn."""
 
 HEAD_CAMERAS = ("camera_top", "camera_bottom", "camera_depth")
+
+_HEAD_TURN = 0.6
+"""Angle between views that the head takes of one place [rad]: most of an image's height."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,14 @@ class WearSizes:
     """Relative error of the base's measured displacement and rotation, due to wheel slip."""
     command_latency: float = 0.04
     """Time from a joint command to the motor [s]; not drawn."""
+
+    @property
+    def pointing_error(self) -> float:
+        """Largest error of a head camera's orientation relative to another view [rad].
+
+        The neck's slack, and the change of a misalignment as the head turns by `_HEAD_TURN`.
+        """
+        return self.backlash + 2.0 * np.sin(0.5 * _HEAD_TURN) * self.camera_angle
 
 
 @dataclass(frozen=True)
@@ -99,11 +109,6 @@ class RobotWear:
             odometry=around(sizes.odometry, 3),
             command_latency=sizes.command_latency,
         )
-
-    @property
-    def neck_backlash(self) -> float:
-        """The larger backlash of the head's joints, from end to end [rad]."""
-        return float(self.backlash[body_indices(JOINT_GROUPS["head"])].max())
 
     def calibrated(self, encoder_offset: Vector) -> "RobotWear":
         """Returns the errors that remain after correcting estimated encoder offsets (15,) [rad]."""

@@ -83,9 +83,9 @@ def test_the_perception_takes_its_place():
         station = HardwareStation(link, shared_control_model())
         perception = HeadPerception(load_scene("table"), station)
         assert perception.HasOutputPort("cloud")
-        # A real neck has slack.
+        # A real robot is worn.
         adapted = station.obstacle_parameters(ObstacleParameters(pointing_error=0.001))
-        assert adapted.pointing_error == 0.001 + WearSizes().backlash
+        assert adapted.pointing_error == 0.001 + WearSizes().pointing_error
 
 
 def test_a_calibrated_robot_says_and_is_told_true_angles():

@@ -1,6 +1,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from pepper_drake.models.robot_wear import HEAD_CAMERAS, RobotWear, WearSizes
 
@@ -30,3 +31,21 @@ def test_a_calibration_leaves_what_it_did_not_find():
     left = wear.calibrated(wear.encoder_offset - 0.001)
     np.testing.assert_allclose(left.encoder_offset, 0.001)
     assert left.cameras == wear.cameras
+
+
+@given(
+    direction=st.floats(0.0, np.pi),
+    turn=st.floats(0.0, 0.6),
+    slack=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+)
+def test_two_views_disagree_by_no_more_than_the_pointing_error(direction, turn, slack):
+    """A camera that is misaligned as much as it may be, on a neck whose pitch has slack."""
+    sizes = WearSizes()
+    misaligned = sizes.camera_angle * np.array([np.sin(direction), np.cos(direction), 0.0])
+    errors = []
+    for angle, side in zip((0.0, turn), slack, strict=True):
+        assumed = Rotation.from_rotvec([0.0, angle, 0.0])
+        true = Rotation.from_rotvec([0.0, angle + side * sizes.backlash, 0.0])
+        errors.append(true * Rotation.from_rotvec(misaligned) * assumed.inv())
+    disagreement = (errors[1] * errors[0].inv()).magnitude()
+    assert disagreement <= 1.001 * sizes.pointing_error

@@ -50,8 +50,8 @@ class ObstacleParameters:
             otherwise holes are ignored.
         projector_baseline: Distance of the camera from its pattern projector [m]; 0 without one.
         pointing_error: Largest error of the camera's orientation from one image to another, due to
-            slack in the neck [rad]: what seems to have come into free space because of it is not
-            new.
+            slack in the neck and misalignment [rad]: what seems to have come into free space
+            because of it is not new. A worn or real robot's is added.
     """
 
     cloud: CloudParameters = field(default_factory=CloudParameters)
