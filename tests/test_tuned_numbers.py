@@ -121,6 +121,7 @@ ALLOWED = {
     "planning/safety/safe_command.py": {"numeric": "_SAME"},
     "planning/reach/barrier_for_path.py": {"numeric": "_CANDIDATE_DISTANCES"},
     "planning/reach/base_placement.py": {"numeric": "_BATCH"},
+    "planning/reach/base_placement_planner.py": {"numeric": "_ROUNDING"},
     "planning/reach/lean_params.py": {"geometry": "MIN_HIP_PITCH MAX_HIP_PITCH"},
     "planning/reach/leaning.py": {"layout": "_CENTRE"},
     "planning/reach/movement_from_path.py": {"numeric": "_SAMPLES"},

@@ -14,6 +14,9 @@ from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
 
 Vector = npt.NDArray[np.float64]
 
+_ROUNDING = 1e-9
+"""Error of equal clearances [m]."""
+
 
 class BasePlacementPlanner:
     """Simulates reaches from candidate base poses and returns the best.
@@ -81,6 +84,8 @@ class BasePlacementPlanner:
     ) -> npt.NDArray[np.bool_]:
         """Tells at which base poses (N, 3), and on the drive there, the body has its clearance.
 
+        A robot that already stands nearer to an obstacle may drive, but comes no nearer.
+
         Args:
             places: x, y [m], yaw [rad] in W.
             observation: The observation.
@@ -92,10 +97,11 @@ class BasePlacementPlanner:
             field = self.standing_field(observation)
         standing, driving = params.body_clearance - lost, params.drive_clearance - lost
         free = self.places.body_clearances(places, joints, field, standing) >= standing
-        drive = self.places.drive_clearances(
-            observation.base_pose, places[free], joints, field, driving
+        to = np.concatenate((observation.base_pose[None], places[free]))
+        present, *drive = self.places.drive_clearances(
+            observation.base_pose, to, joints, field, driving
         )
-        free[free] = drive >= driving
+        free[free] = np.array(drive) >= min(driving, present - _ROUNDING)
         return free
 
     def standing_field(self, observation: Observation) -> PointCloudDistance:

@@ -2,8 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from pepper_drake.diagrams.factory import make_coupling
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import camera_pose
 from pepper_drake.perception.gaze.view_planning import head_grid
@@ -86,3 +88,27 @@ def test_what_is_hidden_below_a_thing_is_no_room_for_the_base(watchful, room):
     free, unknown = (replace(seen, space=s) for s in (room, SeenSpace(VoxelMap.empty())))
     assert watchful.check_drive(plan, free).status == PlanStatus.CLEAR
     assert watchful.check_drive(plan, unknown).status == PlanStatus.NO_STANDING_ROOM
+
+
+def test_a_robot_that_stands_too_near_may_leave_but_comes_no_nearer(right_primitive):
+    """A drive had to keep its clearance from its first place on: the robot was stuck there."""
+    planner = make_planner(right_primitive, make_coupling("barrier"))
+    wall = sheet((0.0, 0.01), (-0.6, 0.6), (0.05, 1.0), 0.02)
+    post = sheet((0.0, 0.05), (0.55, 0.6), (0.05, 1.0), 0.02)
+
+    def before_wall(x, *others):
+        """The observation with the wall at x."""
+        return observed(ORIGIN, object_at(), np.concatenate((wall + [x, 0.0, 0.0], *others)))
+
+    def clearance(x):
+        field = PointCloudDistance(before_wall(x).obstacles, extension=0.0)
+        body = planner.base_placement.resting_clearances
+        return float(body(ORIGIN[None], STAND, field, 1.0)[0])
+
+    needed = planner.params.drive_clearance
+    near = brentq(lambda x: clearance(x) - 0.5 * needed, 0.1, 0.6, xtol=1e-4)
+    placement = stand(planner, object_at())
+    away = replace(placement, base_pose=np.array([-0.1, 1.1, 0.0]))
+    assert planner.check_drive(away, before_wall(near)).status == PlanStatus.CLEAR
+    blocked = planner.check_drive(away, before_wall(near, post))
+    assert blocked.status == PlanStatus.NO_STANDING_ROOM
