@@ -132,12 +132,15 @@ class OrientationAttractor:
     ) -> OrientationState:
         """Returns the state of a motion to a goal (4,) that starts from the state of another one.
 
-        It runs `slowed` times as fast as that; the angular velocity is continuous.
+        It runs `slowed` times as fast as that; the angular velocity is continuous. It turns the
+        way of its own demonstration, as after `start_state`: the other motion's coordinates may
+        have been those of less than half a turn where its own are of more.
         """
-        goal = so3.normalize(goal)
-        moved = self._retargeted(state.coordinates, state.goal, goal)
-        moved = moved / np.array([[1.0], [slowed]])
-        return OrientationState(moved, moved[0], goal)
+        position, rates = state.coordinates
+        velocity = self.angular_velocity(position, rates) / slowed
+        begun = self.start_state(self.orientation(position, state.goal), goal, None)
+        coordinates = np.array((begun.start, self.rates(begun.start, velocity)))
+        return begun._replace(coordinates=coordinates)
 
     def pose(self, state: OrientationState) -> tuple[Array, Array]:
         """Returns the orientation (4,) and the angular velocity (3,) [rad/s] of a state."""

@@ -101,13 +101,16 @@ class PlanningSceneBuilder:
         Both are assumed to be solid down to `solid_depth`.
         """
         cloud, p_WO = observation.obstacles, observation.p_WO
-        params = self._params.support_surface
-        beside = extrapolate_support_surface(cloud, p_WO, observation.base_pose, params)
-        below = np.zeros((0, 3))
-        if observation.space is not None:  # Without cameras all space is known.
+        params, space = self._params.support_surface, observation.space
+        support = extrapolate_support_surface(cloud, p_WO, observation.base_pose, params)
+        if space is not None:  # Without cameras all space is known.
             below = assumed_support(cloud, p_WO, self._goal_radius, params)
+            support = np.concatenate((support, below))
+            # Not where it was seen to be free: an object that was lifted stands on nothing.
+            oldest = self._params.unseen.max_age
+            support = support[space.unseen(support, observation.time, oldest=oldest)]
         return PointCloudDistance(
-            np.concatenate((cloud, beside, below)), extension=self._params.solid_depth
+            np.concatenate((cloud, support)), extension=self._params.solid_depth
         )
 
     def __call__(

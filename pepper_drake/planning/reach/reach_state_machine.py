@@ -72,6 +72,8 @@ class _Supervision(DriveSupervision):
         unsteady = state.steadiness.unsteady_signal(timing.steadiness)
         if stop != StopReason.NONE:
             sentence = stop_sentence(stop, observation.stop_joint)
+            if unsteady is None and stop == StopReason.LINK_TOO_CLOSE:
+                return self._fail(state, stop.name.lower(), sentence)
             if unsteady is None or stop == StopReason.REQUESTED:
                 return state.fail(time, stop.name.lower(), sentence)
             return state.fail(time, unsteady[0], f"{unsteady[1]}; {sentence}")

@@ -1,7 +1,6 @@
 """Online replanning: detours and retreats when obstacles appear on the arm's path."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -79,7 +78,8 @@ class ReachReplanner:
         elif not state.braking:
             state = replace(state, stale=self._retreat_separation(plan, observation, new))
         is_free = rest.minimum >= self._replan_clearance(reach)
-        if is_free and is_under_way and not state.braking:
+        may_go_on = is_free and is_under_way and not state.braking
+        if may_go_on and not self._leads_elsewhere(reach, observation):
             return state
         # The arm will retreat from a moving obstacle anyway, so it brakes at once.
         is_urgent = (
@@ -103,6 +103,8 @@ class ReachReplanner:
             if detour.status == PlanStatus.NOT_SEEN:
                 x, y, z = detour.look_at
                 state = replace(state, look_at=(x, y, z), message=detour.message)
+        if may_go_on:
+            return state  # It follows the goal that moved.
         if state.suspended_plan is None or has_waited:
             state = replace(state, waits_with=observation)
         return self._retreat(state, plan, reach, seen.with_arm(start), due)
@@ -154,6 +156,13 @@ class ReachReplanner:
             self.planner.params.clearance.replan, plan.clearance - self.timing.replan_clearance_loss
         )
 
+    def _leads_elsewhere(self, plan: ReachPlan, observation: Observation) -> bool:
+        """True if the goal has moved so far that a plan's clearance is not that of its movement."""
+        if plan.p_WO is None:
+            return False
+        moved = float(np.linalg.norm(observation.p_WO - plan.p_WO))
+        return moved > self.planner.params.tolerance.moved
+
     def _has_waited(self, state: ReachState, time: float) -> bool:
         """True if `detour_delay` is over since the arm retreated or last found no detour."""
         last = max(state.since, state.checked)
@@ -190,8 +199,14 @@ class ReachReplanner:
         """
         plan, latency, time = state.plan, self.timing.latency, observation.time
         assert plan is not None
-        arm, tick, elapsed = observation.arm, plan.time_step, state.performed
-        predict = partial(plan.predict, timing_error=self.timing.timing_error)
+        arm, tick = observation.arm, plan.time_step
+
+        def predict(duration: float) -> ArmState:
+            if self._leads_elsewhere(plan, observation):
+                # An arm that follows the goal is not on the plan's path.
+                return ArmState(arm.position + duration * arm.velocity, arm.velocity)
+            timing_error = self.timing.timing_error
+            return plan.predict(arm, state.performed, duration, state.speed, timing_error)
 
         def until_effect(latency: float) -> float:
             # The supervisor adopts a result in its next step, the controller in the tick after.
@@ -200,12 +215,11 @@ class ReachReplanner:
             return tick * (np.floor(taken / tick + 1e-6) + 1.0)
 
         if not state.will_brake:
-            start = predict(arm, elapsed, until_effect(latency.plan), state.speed)
-            return start, time + latency.plan
+            return predict(until_effect(latency.plan)), time + latency.plan
         reaction = 0.0
         if not state.braking:
             reaction = until_effect(latency.check)
-            arm = predict(arm, elapsed, reaction, state.speed)
+            arm = predict(reaction)
         limits = self.planner.limits
         stopping = [
             np.copysign(stopping_distance(abs(speed), change, tick), speed)

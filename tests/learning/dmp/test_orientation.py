@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning import rotations as so3
+from pepper_drake.learning.dmp.orientation import OrientationState
 from tests.learning.conftest import make_demonstration
 
 TAU, STEP = 2.5, 0.01
@@ -80,6 +81,33 @@ def test_more_than_half_a_turn_is_given_back():
     demo = Demonstration.from_positions(t, np.outer(s, [1, 0, 0]), rotations=q)
     path = MovementPrimitive.fit(demo).rollout()
     assert max(angle_between(*pair) for pair in zip(path.rotations, q, strict=True)) < 1e-4
+
+
+def test_after_another_motion_it_turns_the_way_of_its_own_demonstration():
+    """By more than half a turn: the other motion's coordinates are those of the shorter way."""
+    t = np.arange(251) * 0.01
+    s = t / t[-1]
+    turn = 3.6 * s**3 * (10 - 15 * s + 6 * s**2)
+    q = so3.exp_map(np.outer(turn, [0.6, 0.0, 0.8]))
+    demo = Demonstration.from_positions(t, np.outer(s, [1, 0, 0]), rotations=q)
+    orientation = MovementPrimitive.fit(demo).orientation
+    at_rest = OrientationState(np.zeros((2, 3)), np.zeros(3), orientation.start)
+    begun = orientation.started_anew(at_rest, orientation.goal)
+    planned = orientation.start_state(orientation.start, orientation.goal, None)
+    np.testing.assert_allclose(begun.coordinates, planned.coordinates, atol=1e-9)
+    assert np.linalg.norm(begun.start) == pytest.approx(3.6)
+
+
+@settings(max_examples=40)
+@given(vectors, vectors, vectors, vectors, st.floats(0.2, 1.0))
+def test_after_another_motion_hand_and_speed_go_on(primitive, e, rates, before, goal, slowed):
+    orientation = primitive.orientation
+    state = OrientationState(np.array((e, rates)), e, so3.exp_map(before))
+    q, velocity = orientation.pose(state)
+    begun = orientation.started_anew(state, so3.exp_map(goal), slowed)
+    q_begun, velocity_begun = orientation.pose(begun)
+    assert angle_between(q, q_begun) < 1e-9
+    np.testing.assert_allclose(slowed * velocity_begun, velocity, atol=1e-9)
 
 
 def test_steps_are_the_rollout(primitive):

@@ -12,6 +12,8 @@ from pepper_drake.perception.gaze.view_planning import head_grid
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
+from pepper_drake.planning.reach.planning_scene import PlanningSceneBuilder
+from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from tests.planning.reach.planner_setup import (
@@ -77,6 +79,26 @@ def test_a_drive_through_unseen_space_may_be_accepted(right_primitive):
     plan = planner.plan_base_placement(unseen)
     assert plan.status == PlanStatus.CLEAR
     assert len(plan.unseen) > 100
+
+
+def test_a_lifted_goal_object_stands_on_nothing_where_space_was_seen_to_be_free(room):
+    """Neither a disc is assumed below it, nor do sides of boxes at its height make a table."""
+    height = 0.85
+    sides = sheet(0.98, (-0.6, -0.2), (height - 0.02, height + 0.02), 0.01)
+    builder = PlanningSceneBuilder(MODEL, "right", [], ReachPlannerParams())
+    observation = observed(ORIGIN, object_at(z=height), sides)
+    unknown = SeenSpace(VoxelMap.empty())
+    fields = {
+        space: builder.obstacle_field(replace(observation, space=space))
+        for space in (room, unknown, None)
+    }
+    assert len(fields[room].points) == len(sides)
+    beside = fields[None].points[len(sides) :]
+    assert len(beside) > 0
+    # Where nothing is known, both are assumed.
+    assert len(fields[unknown].points) > len(sides) + len(beside)
+    below = fields[unknown].distance(observation.p_WO[None])
+    assert below[0] < 1e-6
 
 
 def test_what_is_hidden_below_a_thing_is_no_room_for_the_base(watchful, room):

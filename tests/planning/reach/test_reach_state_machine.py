@@ -429,6 +429,17 @@ def test_a_goal_that_jumped_is_named_in_its_stead():
     assert "90 mm" in state.message
 
 
+@pytest.mark.parametrize(("moved", "reason"), [(0.0, "link_too_close"), (0.05, "goal_moved")])
+def test_an_arm_that_follows_a_goal_to_an_obstacle_is_stopped_for_the_goal_that_moved(
+    moved, reason
+):
+    one = on_its_way()
+    one.set(X_WO=RigidTransform(X_WO.translation() + [0.0, moved, 0.0])).step()
+    one.set(stop_reason=StopReason.LINK_TOO_CLOSE).step()
+    assert one.state.reason == reason
+    assert one.state.message.endswith("the arm went too close to an obstacle")
+
+
 def test_a_torso_that_tilted_is_named_in_its_stead():
     joints = np.arange(15) / 100
     joints[body_indices(["HipPitch"])] += np.radians(6)

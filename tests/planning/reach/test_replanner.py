@@ -88,6 +88,35 @@ def test_a_detour_to_a_goal_that_moves_on_while_it_is_planned_is_begun():
     assert one.state.plan is one.planner.detour
 
 
+@pytest.mark.parametrize(("moved", "planned_anew"), [(0.004, False), (0.006, True)])
+def test_where_the_goal_goes_the_rest_of_the_movement_is_planned(moved, planned_anew):
+    """Followed as it was planned, the hand passed where nothing had been checked."""
+    one = on_its_way()
+    one.state = replace(one.state, plan=replace(path_plan(), p_WO=X_WO.translation()))
+    one.planner.detour = replace(path_plan(), p_WO=X_WO.translation() + [0.0, 0.0, moved])
+    one.set(X_WO=RigidTransform(X_WO.rotation(), X_WO.translation() + [0.0, 0.0, moved]))
+    velocity = np.array([0.3, 0.2, 0.0, 0.0, 0.0])
+    one.set(arm=ArmState(one.seen.arm.position, velocity)).look()
+    if planned_anew:  # An arm that follows the goal does not go on along its path.
+        start = one.planner.last("replan").arm
+        displacement = (LATENCY.plan + TICK) * velocity
+        np.testing.assert_allclose(start.position, one.seen.arm.position + displacement)
+        np.testing.assert_allclose(start.velocity, velocity)
+    one.advance(2.0 * LATENCY.plan)
+    assert (one.state.plan is one.planner.detour) == planned_anew
+    assert one.state.suspended_plan is None
+
+
+def test_a_goal_to_which_no_path_is_found_is_followed():
+    one = on_its_way(detour=NO_DETOUR)
+    before = replace(path_plan(), p_WO=X_WO.translation())
+    one.state = replace(one.state, plan=before)
+    one.set(X_WO=RigidTransform(X_WO.rotation(), X_WO.translation() + [0.0, 0.08, 0.0]))
+    one.look().advance(2.0 * LATENCY.plan)
+    assert one.planner.questions().count("replan") == 1
+    assert (one.state.plan, one.state.suspended_plan, one.state.braking) == (before, None, False)
+
+
 def test_a_detour_starts_where_the_arm_will_be_when_it_takes_effect():
     one = on_its_way(ahead=0.004).look()
     start = one.planner.last("replan").arm
