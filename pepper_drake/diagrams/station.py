@@ -275,10 +275,10 @@ class PepperStation(Diagram):
             parameters: The parameters.
         """
         validity = dataclasses.replace(parameters.validity, expects_noise=self.config.noise)
-        error = parameters.pointing_error
+        approach = parameters.approach
         if self.config.wear is not None:
-            error += WearSizes().pointing_error
-        return dataclasses.replace(parameters, validity=validity, pointing_error=error)
+            approach = approach.with_pointing_error(WearSizes().pointing_error)
+        return dataclasses.replace(parameters, validity=validity, approach=approach)
 
     def robot_geometries(self) -> set[GeometryId]:
         """Returns Pepper's collision geometries."""

@@ -464,5 +464,5 @@ class HardwareStation(Diagram):
 
     def obstacle_parameters(self, parameters: ObstacleParameters) -> ObstacleParameters:
         """Adapts the parameters of obstacle detection to the usual wear of a real robot."""
-        error = parameters.pointing_error + WearSizes().pointing_error
-        return replace(parameters, pointing_error=error)
+        approach = parameters.approach.with_pointing_error(WearSizes().pointing_error)
+        return replace(parameters, approach=approach)

@@ -12,6 +12,7 @@ from pepper_drake.models.control_model import BODY_JOINTS, shared_control_model
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.models.robot_calibration import JointCalibration, RobotCalibration
 from pepper_drake.models.robot_wear import RobotWear, WearSizes
+from pepper_drake.perception.mapping.dynamic_obstacles import ApproachParameters
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.systems.faults.fault import parse_faults
 from pepper_drake.systems.faults.fault_set import FaultSet
@@ -147,7 +148,9 @@ def test_a_calibrated_robot_measures_and_does_what_is_true():
 
 
 def test_images_of_a_worn_robot_are_compared_up_to_its_pointing_error():
-    parameters = ObstacleParameters(pointing_error=0.001)
-    assert Rig().station.obstacle_parameters(parameters).pointing_error == 0.001
-    adapted = Rig(RobotWear.draw(3)).station.obstacle_parameters(parameters)
-    assert adapted.pointing_error == 0.001 + WearSizes().pointing_error
+    parameters = ObstacleParameters(approach=ApproachParameters(pointing_error=0.001))
+    ideal, worn = (
+        Rig(wear).station.obstacle_parameters(parameters).approach.pointing_error
+        for wear in (None, RobotWear.draw(3))
+    )
+    assert (ideal, worn) == (0.001, 0.001 + WearSizes().pointing_error)

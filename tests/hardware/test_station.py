@@ -84,8 +84,8 @@ def test_the_perception_takes_its_place():
         perception = HeadPerception(load_scene("table"), station)
         assert perception.HasOutputPort("cloud")
         # A real robot is worn.
-        adapted = station.obstacle_parameters(ObstacleParameters(pointing_error=0.001))
-        assert adapted.pointing_error == 0.001 + WearSizes().pointing_error
+        adapted = station.obstacle_parameters(ObstacleParameters())
+        assert adapted.approach.pointing_error == WearSizes().pointing_error
 
 
 def test_a_calibrated_robot_says_and_is_told_true_angles():

@@ -95,7 +95,7 @@ class DepthImageMapper:
         if fault != DepthFault.NONE:
             return replace(received, fault=fault)
         view = DepthFrame(
-            depth, image.X_WC, image.stamp, self.intrinsics, self.parameters.pointing_error
+            depth, image.X_WC, image.stamp, self.intrinsics, self.parameters.approach.pointing_error
         )
         return self._with_view(received, image, view)
 

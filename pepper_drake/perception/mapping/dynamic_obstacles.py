@@ -9,7 +9,7 @@ view there is kept for a while.
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +65,9 @@ class ApproachParameters:
             [s].
         max_views: Number of earlier images compared with a new one, besides the last.
         object_fraction: Fraction of a cluster's points at the goal object for it to be the object.
+        pointing_error: Largest error of the camera's orientation from one image to another, due to
+            slack in the neck and misalignment [rad]: what seems to have come into free space
+            because of it is not new. A worn or real robot's is added.
     """
 
     spacing: float = 0.025
@@ -84,6 +87,11 @@ class ApproachParameters:
     comparison_interval: float = 0.5
     max_views: int = 9
     object_fraction: float = 0.5
+    pointing_error: float = 0.0
+
+    def with_pointing_error(self, error: float) -> "ApproachParameters":
+        """Returns the parameters for a camera with another error [rad] of its orientation."""
+        return replace(self, pointing_error=self.pointing_error + error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,16 +134,25 @@ class DepthFrame:
 
     @functools.cached_property
     def _clear(self) -> npt.NDArray[np.float32]:
-        return minimum_depth(self.depth, self.intrinsics, self._width(_NARROW))
+        return self._minimum_depth(_NARROW)
 
     @functools.cached_property
     def _wide_clear(self) -> npt.NDArray[np.float32]:
-        return minimum_depth(self.depth, self.intrinsics, self._width(_WIDE))
+        return self._minimum_depth(_WIDE)
 
-    def _width(self, least: int) -> int:
-        """Returns the edge of the square of pixels that must see through a free place."""
+    def _minimum_depth(self, least: int) -> npt.NDArray[np.float32]:
+        """Returns the least depth in the square of pixels that must see through a free place [m].
+
+        It is zero near the image's border, where what is just outside may have been there.
+        """
         focal = max(self.intrinsics.focal_x, self.intrinsics.focal_y)
-        return max(2 * int(np.ceil(self.pointing_error * focal)) + 1, least)
+        error = int(np.ceil(self.pointing_error * focal))
+        clear = minimum_depth(self.depth, self.intrinsics, max(2 * error + 1, least))
+        if not error:
+            return clear
+        inside = np.zeros_like(clear)
+        inside[error:-error, error:-error] = clear[error:-error, error:-error]
+        return inside
 
     def sees_free_space(
         self, p_W: Points, memory: VoxelMapParameters, *, surely: bool = False

@@ -49,9 +49,6 @@ class ObstacleParameters:
         treat_holes_as_near: Whether unexplained holes mean obstacles too near to be measured;
             otherwise holes are ignored.
         projector_baseline: Distance of the camera from its pattern projector [m]; 0 without one.
-        pointing_error: Largest error of the camera's orientation from one image to another, due to
-            slack in the neck and misalignment [rad]: what seems to have come into free space
-            because of it is not new. A worn or real robot's is added.
     """
 
     cloud: CloudParameters = field(default_factory=CloudParameters)
@@ -62,7 +59,6 @@ class ObstacleParameters:
     holes: HoleParameters = field(default_factory=HoleParameters)
     treat_holes_as_near: bool = True
     projector_baseline: float = 0.075
-    pointing_error: float = 0.0
 
     __repr__ = short_repr
     __signature__ = short_signature

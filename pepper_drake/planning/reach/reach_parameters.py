@@ -29,7 +29,10 @@ class GoalTolerances:
     force: float = 10.0
     """Largest force on the goal object [N]."""
     moved: float = 0.005
-    """Displacement of the goal beyond which a plan is made anew, or its rest [m]."""
+    """Displacement of the goal before the arm starts beyond which a plan is made anew [m]."""
+    followed: float = 0.015
+    """Displacement of the goal up to which a movement follows it as it was planned; beyond, its
+    rest is planned anew [m]. A worn robot's estimate moves by a centimetre as the head turns."""
     jumped: float = 0.030
     """Displacement of the goal that is named as the cause of a failure [m]: five times `arrive`."""
 

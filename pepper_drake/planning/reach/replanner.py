@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from pepper_drake.perception.mapping.voxel_map import one_per_voxel
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
@@ -157,11 +158,16 @@ class ReachReplanner:
         )
 
     def _leads_elsewhere(self, plan: ReachPlan, observation: Observation) -> bool:
-        """True if the goal has moved so far that a plan's clearance is not that of its movement."""
-        if plan.p_WO is None:
+        """True if the goal has moved so far that a plan's clearance is not that of its movement.
+
+        The taught movement follows the goal, as primitives do; one that was adapted to obstacles
+        was so for one goal.
+        """
+        taught = plan.movement is not None and plan.movement.origin == Origin.TAUGHT
+        if plan.p_WO is None or taught:
             return False
         moved = float(np.linalg.norm(observation.p_WO - plan.p_WO))
-        return moved > self.planner.params.tolerance.moved
+        return moved > self.planner.params.tolerance.followed
 
     def _has_waited(self, state: ReachState, time: float) -> bool:
         """True if `detour_delay` is over since the arm retreated or last found no detour."""

@@ -125,6 +125,18 @@ def test_what_only_seems_to_move_as_the_neck_has_slack_is_not_new():
     assert len(shown((image(), 0.0, X_WC), frames[1], pointing_error=slack)[0].things) == 1
 
 
+def test_what_was_just_outside_the_image_may_seem_to_come_as_the_neck_has_slack():
+    slack = np.radians(1.0)
+    view = DepthFrame(depth_in_metres(image(), CAMERA), X_WC, 0.0, CAMERA, slack)
+    error = np.ceil(slack * CAMERA.focal_x)
+    for edge, off, side in ((0, -0.5, 1), (CAMERA.width, 0.5, -1)):
+        columns = edge + side * np.array([0.5 * error, error + 2.0]) + off
+        rays = (columns - CAMERA.center_x) / CAMERA.focal_x
+        places = 0.8 * np.column_stack((rays, np.zeros(2), np.ones(2)))
+        free = view.sees_free_space(places, PARAMETERS.memory)
+        np.testing.assert_array_equal(free, [False, True])
+
+
 def test_on_the_way_only_what_is_behind_all_is_learned():
     tracker, _ = shown((image(), 0.0, X_WC), (image(800), 0.2, X_WC))
     passing = reset_while_driving(tracker, tracker.views[-1], PARAMETERS)

@@ -5,12 +5,14 @@ import pytest
 from pydrake.math import RigidTransform
 
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.trajectories.retreat import NewObstacleParams
 from tests.planning.reach.scripted_planner import (
+    ADAPTED,
     BESIDE,
     CLOUD,
     NO_DETOUR,
@@ -88,31 +90,51 @@ def test_a_detour_to_a_goal_that_moves_on_while_it_is_planned_is_begun():
     assert one.state.plan is one.planner.detour
 
 
-@pytest.mark.parametrize(("moved", "planned_anew"), [(0.004, False), (0.006, True)])
-def test_where_the_goal_goes_the_rest_of_the_movement_is_planned(moved, planned_anew):
+def adapted_plan(moved=0.0):
+    """A plan of an adapted movement to a goal that is higher by some distance [m]."""
+    movement = replace(ADAPTED, origin=Origin.ADAPTED)
+    p_WO = X_WO.translation() + [0.0, 0.0, moved]
+    return replace(path_plan(), p_WO=p_WO, movement=movement)
+
+
+def goal_higher_by(moved):
+    return RigidTransform(X_WO.rotation(), X_WO.translation() + [0.0, 0.0, moved])
+
+
+@pytest.mark.parametrize(
+    ("moved", "origin", "planned_anew"),
+    [
+        (0.014, Origin.ADAPTED, False),
+        (0.016, Origin.ADAPTED, True),
+        (0.016, Origin.DETOUR, True),
+        # As primitives do.
+        (0.080, Origin.TAUGHT, False),
+    ],
+)
+def test_an_adapted_movement_is_planned_anew_where_its_goal_goes(moved, origin, planned_anew):
     """Followed as it was planned, the hand passed where nothing had been checked."""
-    one = on_its_way()
-    one.state = replace(one.state, plan=replace(path_plan(), p_WO=X_WO.translation()))
-    one.planner.detour = replace(path_plan(), p_WO=X_WO.translation() + [0.0, 0.0, moved])
-    one.set(X_WO=RigidTransform(X_WO.rotation(), X_WO.translation() + [0.0, 0.0, moved]))
+    before = adapted_plan()
+    before = replace(before, movement=replace(before.movement, origin=origin))
+    one = on_its_way(detour=adapted_plan(moved))
+    one.state = replace(one.state, plan=before)
     velocity = np.array([0.3, 0.2, 0.0, 0.0, 0.0])
-    one.set(arm=ArmState(one.seen.arm.position, velocity)).look()
+    arm = ArmState(one.seen.arm.position, velocity)
+    one.set(X_WO=goal_higher_by(moved), arm=arm).look()
     if planned_anew:  # An arm that follows the goal does not go on along its path.
         start = one.planner.last("replan").arm
         displacement = (LATENCY.plan + TICK) * velocity
-        np.testing.assert_allclose(start.position, one.seen.arm.position + displacement)
+        np.testing.assert_allclose(start.position, arm.position + displacement)
         np.testing.assert_allclose(start.velocity, velocity)
     one.advance(2.0 * LATENCY.plan)
-    assert (one.state.plan is one.planner.detour) == planned_anew
+    assert one.state.plan is (one.planner.detour if planned_anew else before)
     assert one.state.suspended_plan is None
 
 
 def test_a_goal_to_which_no_path_is_found_is_followed():
     one = on_its_way(detour=NO_DETOUR)
-    before = replace(path_plan(), p_WO=X_WO.translation())
+    before = adapted_plan()
     one.state = replace(one.state, plan=before)
-    one.set(X_WO=RigidTransform(X_WO.rotation(), X_WO.translation() + [0.0, 0.08, 0.0]))
-    one.look().advance(2.0 * LATENCY.plan)
+    one.set(X_WO=goal_higher_by(0.08)).look().advance(2.0 * LATENCY.plan)
     assert one.planner.questions().count("replan") == 1
     assert (one.state.plan, one.state.suspended_plan, one.state.braking) == (before, None, False)
 
