@@ -147,17 +147,15 @@ def draw(rng: np.random.Generator, scenes: dict[str, Passage]) -> Appearance:
 def kind_of(appearance: Appearance, reach: Passage, scenario: Scenario) -> str:
     """Returns the class of a run; see the module's documentation."""
     distances = np.linalg.norm(reach.positions - appearance.place, axis=1)
-    after = reach.times > appearance.time
-    near = after & (distances < APART)
-    contact = int(np.argmax(near))
+    contact = int(np.argmax((reach.times > appearance.time) & (distances < APART)))
     step = max(contact - 5, 0)
     speed = np.linalg.norm(reach.positions[contact] - reach.positions[step])
     speed /= reach.times[contact] - reach.times[step]
     separation, station = scenario.supervisor.separation, scenario.station
     needed = station.camera_latency + scenario.supervisor.time_step
     needed += speed / separation.deceleration
-    usable = after & (reach.times > appearance.time + JUMP)
-    usable &= reach.times < reach.times[contact] - needed
+    latest = reach.times[contact] - needed
+    usable = (reach.times > appearance.time + JUMP) & (reach.times < latest)
     p_CB = np.array([X.inverse() @ np.array(appearance.place) for X in reach.cameras])
     shown = usable & (p_CB[:, 2] > 0.0) & CAMERA_DEPTH.intrinsics.sees(p_CB)
     # Whenever the images are taken, one falls into a period of theirs.

@@ -4,14 +4,16 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.mapping.cloud import depth_in_metres
+from pepper_drake.perception.mapping.depth_image_mapper import DepthImage, DepthImageMapper
 from pepper_drake.perception.mapping.dynamic_obstacle_tracker import (
     DynamicObstacleTracker,
     reset_while_driving,
     update_tracker,
     without_object,
 )
-from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
+from pepper_drake.perception.mapping.dynamic_obstacles import ApproachParameters, DepthFrame
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters, update_obstacles
+from pepper_drake.perception.mapping.obstacle_memory import ObstacleMemory
 from pepper_drake.perception.mapping.solids import Solid
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 
@@ -121,6 +123,13 @@ def test_what_only_seems_to_move_as_the_neck_has_slack_is_not_new():
     tracker, _ = shown(*frames, pointing_error=slack)
     assert tracker.things == ()
     assert len(tracker.transient_keys) == 0
+    # Whoever maps images takes it from the parameters.
+    parameters = ObstacleParameters(approach=ApproachParameters(pointing_error=slack))
+    mapper = DepthImageMapper(CAMERA, parameters)
+    memory = ObstacleMemory.empty(parameters.memory)
+    for depth, time, X_WD in frames:
+        memory = mapper.with_image(memory, DepthImage(depth, time, X_WD))
+    assert (len(memory.tracker.views), memory.tracker.things) == (2, ())
     # What comes is as wide as a fist, more than the slack.
     assert len(shown((image(), 0.0, X_WC), frames[1], pointing_error=slack)[0].things) == 1
 
