@@ -73,23 +73,26 @@ def test_turning_the_frame_of_the_hand_turns_nothing_else(turn):
     np.testing.assert_allclose(one.angular_velocities, other.angular_velocities, atol=1e-6)
 
 
-def test_more_than_half_a_turn_is_given_back():
+def turned_by(angle):
+    """A demonstration that turns the hand by an angle [rad], from rest to rest."""
     t = np.arange(251) * 0.01
     s = t / t[-1]
-    turn = 4.5 * s**3 * (10 - 15 * s + 6 * s**2)
-    q = so3.exp_map(np.outer(turn, [0.6, 0.0, 0.8]))
-    demo = Demonstration.from_positions(t, np.outer(s, [1, 0, 0]), rotations=q)
+    q = so3.exp_map(np.outer(angle * s**3 * (10 - 15 * s + 6 * s**2), [0.6, 0.0, 0.8]))
+    return Demonstration.from_positions(t, np.outer(s, [1, 0, 0]), rotations=q)
+
+
+def test_more_than_half_a_turn_is_given_back():
+    demo = turned_by(4.5)
     path = MovementPrimitive.fit(demo).rollout()
-    assert max(angle_between(*pair) for pair in zip(path.rotations, q, strict=True)) < 1e-4
+    assert (
+        max(angle_between(*pair) for pair in zip(path.rotations, demo.rotations, strict=True))
+        < 1e-4
+    )
 
 
 def test_after_another_motion_it_turns_the_way_of_its_own_demonstration():
     """By more than half a turn: the other motion's coordinates are those of the shorter way."""
-    t = np.arange(251) * 0.01
-    s = t / t[-1]
-    turn = 3.6 * s**3 * (10 - 15 * s + 6 * s**2)
-    q = so3.exp_map(np.outer(turn, [0.6, 0.0, 0.8]))
-    demo = Demonstration.from_positions(t, np.outer(s, [1, 0, 0]), rotations=q)
+    demo = turned_by(3.6)
     orientation = MovementPrimitive.fit(demo).orientation
     at_rest = OrientationState(np.zeros((2, 3)), np.zeros(3), orientation.start)
     begun = orientation.started_anew(at_rest, orientation.goal)
