@@ -39,13 +39,8 @@ from pepper_drake.compiled import announce_compilation
 from pepper_drake.diagrams.factory import (
     prepare_scene,
 )
-from pepper_drake.diagrams.reach_simulation import (
-    ReachResult,
-    ReachSimulation,
-    RunOptions,
-    keep_result,
-    save_result,
-)
+from pepper_drake.diagrams.reach_result import ReachResult, keep_result, save_result
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.errors import InputError
 from pepper_drake.hardware.options import (
     add_link_options,

@@ -23,7 +23,8 @@ import numpy as np
 
 from pepper_drake.cli import limit_linear_algebra, quiet_libraries
 from pepper_drake.diagrams.factory import prepare_scene
-from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions, save_result
+from pepper_drake.diagrams.reach_result import save_result
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.models.pepper import MODELS_DIR
 from pepper_drake.models.scene import load_scene

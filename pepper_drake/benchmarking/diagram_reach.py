@@ -12,12 +12,8 @@ from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.method_result import MethodResult
 from pepper_drake.benchmarking.metrics import demonstration_distance, path_length, rms_jerk
 from pepper_drake.diagrams.factory import make_primitive
-from pepper_drake.diagrams.reach_simulation import (
-    ReachResult,
-    ReachSimulation,
-    RunOptions,
-    save_result,
-)
+from pepper_drake.diagrams.reach_result import ReachResult, save_result
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.learning.dmp.obstacle_coupling import Coupling

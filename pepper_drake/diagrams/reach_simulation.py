@@ -1,10 +1,9 @@
-"""Simulates one reach, measures it, and writes a folder of results."""
+"""Simulates one reach and measures it against the ground truth."""
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -12,28 +11,26 @@ from pydrake.geometry import (
     Meshcat,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
-    QueryObject,
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 
+from pepper_drake.diagrams.ground_truth import measure_cloud
 from pepper_drake.diagrams.reach_drawing import draw_cloud, draw_paths, frame_view
+from pepper_drake.diagrams.reach_result import ReachResult
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.simulate import simulate
-from pepper_drake.diagrams.station import PepperStation
 from pepper_drake.diagrams.task_outcomes import task_outcomes
 from pepper_drake.diagrams.taught_movement import explain_adaptation, taught_path
 from pepper_drake.diagrams.touch_report import arm_speed, stopping_time, touch_speed
+from pepper_drake.diagrams.verdict import RunEnd, judge
 from pepper_drake.models.control_model import arm_joints, body_indices
 from pepper_drake.models.pepper import JOINT_GROUPS, hand_frame
-from pepper_drake.models.scene import Scene, save_scene
 from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
 from pepper_drake.planning.reach.task_sequence import SequenceState
-from pepper_drake.results.folder import whole_results
 from pepper_drake.results.movement_report import measure_movement
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import CloudReport, ReachReport, pose_error
@@ -61,18 +58,8 @@ class RunOptions:
     """True to show a progress bar."""
     should_stop: Callable[[], bool] = lambda: False
     """Polled every 0.1 s of simulated time; ends the run in an orderly way."""
-    keep: "Callable[[ReachResult], None] | None" = None
+    keep: Callable[[ReachResult], None] | None = None
     """Receives the result so far about once a second, in case the program is killed."""
-
-
-@dataclass(frozen=True)
-class ReachResult:
-    """Result of a run: scene, report, log, and the recording as an HTML page, if any."""
-
-    scene: Scene
-    report: ReachReport
-    log: ReachLog
-    html: str | None
 
 
 class ReachSimulation:
@@ -367,7 +354,8 @@ class ReachSimulation:
         names = ["reach", *(task.name for task in reaching.config.tasks)]
         report.tasks = task_outcomes(names, self._tasks(), log)
         self._measure_motion(report, log)
-        self._judge(report, progress.mode, progress.reason, progress.message)
+        end = RunEnd(progress.mode, progress.reason, progress.message, self._fault, self._is_over)
+        judge(report, end, reaching.config.planner.tolerance, self._longest)
         return report
 
     def _measure_motion(self, report: ReachReport, log: ReachLog) -> None:
@@ -417,87 +405,3 @@ class ReachSimulation:
             reaching.GetMyContextFromRoot(root)
         )
         return reaching.clearance.closest_pair(query)[1]
-
-    def _judge(self, report: ReachReport, mode: ReachMode, reason: str, message: str) -> None:
-        """Fills in outcome and reason, first as the robot reports them, then by ground truth."""
-        limits = self.reaching.config.planner.tolerance
-        tolerance = limits.accept
-        touched = f"a link touched an obstacle ({report.closest_pair})"
-        if self._fault:
-            report.reason, report.message = "simulation_failed", self._fault
-        elif mode == ReachMode.FAILED:
-            report.reason, report.message = reason, message
-            if len(report.tasks) > 1:
-                report.message = f"{report.tasks[-1].name}: {message}"
-        elif mode != ReachMode.DONE and not self._is_over:
-            report.reason = "interrupted"
-            report.message = f"the run was ended at {report.simulated_seconds:.1f} s"
-        elif mode != ReachMode.DONE:
-            report.reason = "timeout"
-            report.message = f"the reach was not over after {self._longest:g} s"
-        elif report.contacts:
-            report.reason = "touched"
-            report.message = touched
-        elif (force := report.goal_force or 0.0) > limits.force:
-            report.reason = "goal_pushed"
-            report.message = (
-                f"the goal object was pushed with {force:.0f} N, more than "
-                f"{limits.force:g} N (planner.tolerance.force)"
-            )
-        elif report.final_position_error is None or any(
-            task.final_position_error > tolerance for task in report.tasks
-        ):
-            report.reason = "not_at_goal"
-            report.message = "the hand is farther from the true goal than the robot believes"
-        elif float(report.final_axis_error or 0.0) > self.reaching.scene.goal.pre_grasp.tolerance:
-            report.reason = "turned_away"
-            report.message = (
-                f"the hand's axis is {np.degrees(report.final_axis_error or 0.0):.0f} degrees off, "
-                "more than the scene allows (goal.pre_grasp.tolerance)"
-            )
-        elif reason == UNCONFIRMED:
-            report.outcome, report.reason, report.message = UNCONFIRMED, reason, message
-        else:
-            report.outcome = "reached"
-        if report.contacts and report.reason != "touched":
-            report.message = f"{report.message}; {touched}" if report.message else touched
-
-
-def measure_cloud(station: PepperStation, query: QueryObject, points_W: Vector) -> CloudReport:
-    """Compares a cloud with the true geometry.
-
-    Args:
-        station: The station.
-        query: Its present geometry.
-        points_W: (P, 3) [m].
-    """
-    robot, goal = station.robot_geometries(), station.goal_geometries()
-    obstacles = station.obstacle_geometries()
-    report, squares = CloudReport(points=len(points_W)), []
-    for point in points_W:
-        distances = query.ComputeSignedDistanceToPoint(point, 0.3)
-        nearest = [abs(d.distance) for d in distances if d.id_G in obstacles]
-        squares.append(min(nearest, default=0.3) ** 2)
-        report.robot_points += any(d.distance <= 0 for d in distances if d.id_G in robot)
-        report.goal_points += any(d.distance <= 0 for d in distances if d.id_G in goal)
-    if squares:
-        report.rms_error = float(np.sqrt(np.mean(squares)))
-    return report
-
-
-def save_result(result: ReachResult, folder: Path) -> None:
-    """Writes `report.json`, `scene.yaml`, `log.npz` and, if recorded, `recording.html`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    save_scene(result.scene, folder / "scene.yaml")
-    result.log.save(folder / "log.npz")
-    if result.html is not None:
-        (folder / "recording.html").write_text(result.html)
-    result.report.save(folder / "report.json")
-
-
-def keep_result(result: ReachResult, folder: Path) -> None:
-    """Writes an unfinished run atomically and fast, without recording; see `save_result`."""
-    with whole_results(folder, ()) as inside:
-        save_scene(result.scene, inside / "scene.yaml")
-        result.log.save(inside / "log.npz", compress=False)
-        result.report.save(inside / "report.json")

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from pepper_drake.diagrams.reach_simulation import ReachResult, ReachSimulation, RunOptions
+from pepper_drake.diagrams.reach_result import ReachResult
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.learning import MovementPrimitive
 from pepper_drake.optimization.cost import Cost
 from pepper_drake.optimization.cost_terms import Task

@@ -16,7 +16,8 @@ import pytest
 from pepper_drake import cli, scenario
 from pepper_drake.benchmarking.methods import get_method
 from pepper_drake.diagrams.factory import make_coupling
-from pepper_drake.diagrams.reach_simulation import ReachSimulation, save_result
+from pepper_drake.diagrams.reach_result import save_result
+from pepper_drake.diagrams.reach_simulation import ReachSimulation
 from pepper_drake.models.scene import load_scene, save_scene
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.results.reach_log import ReachLog

@@ -11,7 +11,8 @@ from pydrake.systems.framework import BusValue, PortDataType
 
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.diagrams.factory import make_coupling, make_primitive, prepare_scene
-from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions, measure_cloud
+from pepper_drake.diagrams.ground_truth import measure_cloud
+from pepper_drake.diagrams.reach_simulation import ReachSimulation, RunOptions
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
 from pepper_drake.diagrams.station import PepperStation

@@ -1,20 +1,10 @@
-from types import SimpleNamespace
-
 import pytest
 
-from pepper_drake.diagrams.reach_simulation import ReachSimulation
-from pepper_drake.models.scene import load_scene
+from pepper_drake.diagrams.verdict import RunEnd, judge
 from pepper_drake.planning.reach.reach_mode import ReachMode
-from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
-from pepper_drake.results.reach_report import ReachReport
-
-RUN = SimpleNamespace(
-    reaching=SimpleNamespace(
-        config=SimpleNamespace(planner=ReachPlannerParams()), scene=load_scene("table")
-    ),
-    _fault="",
-    _is_over=True,
-)
+from pepper_drake.planning.reach.reach_parameters import GoalTolerances
+from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
+from pepper_drake.results.reach_report import ReachReport, TaskOutcome
 
 
 def judged(mode=ReachMode.DONE, reason="", message="", **measured):
@@ -23,7 +13,7 @@ def judged(mode=ReachMode.DONE, reason="", message="", **measured):
     )
     for name, value in measured.items():
         setattr(report, name, value)
-    ReachSimulation._judge(RUN, report, mode, reason, message)
+    judge(report, RunEnd(mode, reason, message), GoalTolerances(), longest=60.0)
     return report
 
 
@@ -46,3 +36,54 @@ def test_a_touch_is_reported_whatever_else_failed(mode, reason):
     report = judged(mode, "joint_held", "a joint is held", contacts=3, closest_pair="hand - box")
     assert report.reason == reason
     assert report.message.count("touched an obstacle (hand - box)") == 1
+
+
+@pytest.mark.parametrize(
+    ("end", "measured", "outcome", "reason", "words"),
+    [
+        (
+            RunEnd(ReachMode.DONE, fault="The solver failed"),
+            {},
+            "failed",
+            "simulation_failed",
+            "sol",
+        ),
+        (RunEnd(ReachMode.REACHING, is_over=False), {}, "failed", "interrupted", "ended at 7.0 s"),
+        (RunEnd(ReachMode.REACHING), {}, "failed", "timeout", "not over after 60 s"),
+        (
+            RunEnd(ReachMode.DONE),
+            {"tasks": [TaskOutcome(final_position_error=0.011)]},
+            "failed",
+            "not_at_goal",
+            "farther from the true goal",
+        ),
+        (
+            RunEnd(ReachMode.DONE),
+            {"final_axis_error": 0.6, "axis_tolerance": 0.5},
+            "failed",
+            "turned_away",
+            "34 degrees off",
+        ),
+        (
+            RunEnd(ReachMode.DONE),
+            {"final_axis_error": 0.4, "axis_tolerance": 0.5},
+            "reached",
+            "",
+            "",
+        ),
+        (RunEnd(ReachMode.DONE, UNCONFIRMED, "seen 9 s ago"), {}, UNCONFIRMED, UNCONFIRMED, "9 s"),
+    ],
+)
+def test_each_end_is_named(end, measured, outcome, reason, words):
+    report = ReachReport(
+        scene="table",
+        arm="right",
+        seed=0,
+        coupling="barrier",
+        final_position_error=0.001,
+        simulated_seconds=7.0,
+        **measured,
+    )
+    judge(report, end, GoalTolerances(), longest=60.0)
+    assert (report.outcome, report.reason) == (outcome, reason)
+    assert words in report.message

@@ -1,0 +1,81 @@
+"""Verdict on a simulated reach: outcome, reason and sentence."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_parameters import GoalTolerances
+from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
+from pepper_drake.results.reach_report import ReachReport
+
+
+@dataclass(frozen=True)
+class RunEnd:
+    """End of a run.
+
+    Attributes:
+        mode: The supervisor's last mode.
+        reason: Its reason for that mode, "" for none.
+        message: The same as a sentence.
+        fault: Drake's error in one sentence; empty if there was none.
+        is_over: False if the run was interrupted.
+    """
+
+    mode: ReachMode
+    reason: str = ""
+    message: str = ""
+    fault: str = ""
+    is_over: bool = True
+
+
+def judge(report: ReachReport, end: RunEnd, limits: GoalTolerances, longest: float) -> None:
+    """Fills in outcome and reason, first as the robot reports them, then by ground truth.
+
+    Args:
+        report: The measured run, which is changed.
+        end: How it ended.
+        limits: Tolerances of the hand's position and of the force on the goal object.
+        longest: Timeout of the run [s].
+    """
+    turned = float(report.final_axis_error or 0.0)
+    may_turn = np.inf if report.axis_tolerance is None else report.axis_tolerance
+    touched = f"a link touched an obstacle ({report.closest_pair})"
+    if end.fault:
+        report.reason, report.message = "simulation_failed", end.fault
+    elif end.mode == ReachMode.FAILED:
+        report.reason, report.message = end.reason, end.message
+        if len(report.tasks) > 1:
+            report.message = f"{report.tasks[-1].name}: {end.message}"
+    elif end.mode != ReachMode.DONE and not end.is_over:
+        report.reason = "interrupted"
+        report.message = f"the run was ended at {report.simulated_seconds:.1f} s"
+    elif end.mode != ReachMode.DONE:
+        report.reason = "timeout"
+        report.message = f"the reach was not over after {longest:g} s"
+    elif report.contacts:
+        report.reason = "touched"
+        report.message = touched
+    elif (force := report.goal_force or 0.0) > limits.force:
+        report.reason = "goal_pushed"
+        report.message = (
+            f"the goal object was pushed with {force:.0f} N, more than "
+            f"{limits.force:g} N (planner.tolerance.force)"
+        )
+    elif report.final_position_error is None or any(
+        task.final_position_error > limits.accept for task in report.tasks
+    ):
+        report.reason = "not_at_goal"
+        report.message = "the hand is farther from the true goal than the robot believes"
+    elif turned > may_turn:
+        report.reason = "turned_away"
+        report.message = (
+            f"the hand's axis is {np.degrees(turned):.0f} degrees off, more than the scene allows "
+            "(goal.pre_grasp.tolerance)"
+        )
+    elif end.reason == UNCONFIRMED:
+        report.outcome, report.reason, report.message = UNCONFIRMED, end.reason, end.message
+    else:
+        report.outcome = "reached"
+    if report.contacts and report.reason != "touched":
+        report.message = f"{report.message}; {touched}" if report.message else touched
