@@ -11,7 +11,7 @@ from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import NOWHERE, RESTS, Effect, Pending, ReachState
-from pepper_drake.planning.reach.replanner import ReachReplanner
+from pepper_drake.planning.reach.replanner import ReachReplanner, leads_elsewhere
 from pepper_drake.planning.reach.separation import changed_speed, speed_fraction
 from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
 
@@ -212,11 +212,14 @@ class _Supervision(DriveSupervision):
         state = self._pace(self._look_ahead(state))
         timing, time = self._timing, self._time
         tolerance, following = self._planner.params.tolerance, self._planner.params.following
-        if state.suspended_plan is not None:
+        suspended = state.suspended_plan
+        if suspended is not None:
             state = replace(state, waited=state.waited + timing.time_step)
             if state.waited > timing.blocked_timeout:
                 unseen = f": {state.message}" if state.message else ""
                 message = f"something came in the way and has not gone{unseen}"
+                if leads_elsewhere(suspended, self._observation, tolerance.jumped):
+                    message = "no clear path leads to it from here"
                 return self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
             return state
         if state.braking:

@@ -25,6 +25,23 @@ from pepper_drake.planning.trajectories.retreat import (
 Vector = npt.NDArray[np.float64]
 
 
+def leads_elsewhere(plan: ReachPlan, observation: Observation, tolerance: float) -> bool:
+    """True if the goal has moved so far that a plan's clearance is not that of its movement.
+
+    The taught movement follows the goal, as primitives do; one that was adapted to obstacles was so
+    for one goal.
+
+    Args:
+        plan: The plan that is performed.
+        observation: The present one.
+        tolerance: Displacement of the goal that does not matter [m].
+    """
+    taught = plan.movement is not None and plan.movement.origin == Origin.TAUGHT
+    if plan.p_WO is None or taught:
+        return False
+    return float(np.linalg.norm(observation.p_WO - plan.p_WO)) > tolerance
+
+
 @dataclass(frozen=True)
 class ReachReplanner:
     """Checks the rest of a movement against each new cloud.
@@ -79,8 +96,9 @@ class ReachReplanner:
         elif not state.braking:
             state = replace(state, stale=self._retreat_separation(plan, observation, new))
         is_free = rest.minimum >= self._replan_clearance(reach)
+        tolerance = self.planner.params.tolerance
         may_go_on = is_free and is_under_way and not state.braking
-        if may_go_on and not self._leads_elsewhere(reach, observation):
+        if may_go_on and not leads_elsewhere(reach, observation, tolerance.followed):
             return state
         # The arm will retreat from a moving obstacle anyway, so it brakes at once.
         is_urgent = (
@@ -105,7 +123,10 @@ class ReachReplanner:
                 x, y, z = detour.look_at
                 state = replace(state, look_at=(x, y, z), message=detour.message)
         if may_go_on:
-            return state  # It follows the goal that moved.
+            # It follows the goal a little, and brakes rather than go where nothing was checked.
+            if state.will_brake or not leads_elsewhere(reach, observation, tolerance.jumped):
+                return state
+            return state.later(Pending(time + latency.check, Effect.BRAKE))
         if state.suspended_plan is None or has_waited:
             state = replace(state, waits_with=observation)
         return self._retreat(state, plan, reach, seen.with_arm(start), due)
@@ -157,18 +178,6 @@ class ReachReplanner:
             self.planner.params.clearance.replan, plan.clearance - self.timing.replan_clearance_loss
         )
 
-    def _leads_elsewhere(self, plan: ReachPlan, observation: Observation) -> bool:
-        """True if the goal has moved so far that a plan's clearance is not that of its movement.
-
-        The taught movement follows the goal, as primitives do; one that was adapted to obstacles
-        was so for one goal.
-        """
-        taught = plan.movement is not None and plan.movement.origin == Origin.TAUGHT
-        if plan.p_WO is None or taught:
-            return False
-        moved = float(np.linalg.norm(observation.p_WO - plan.p_WO))
-        return moved > self.planner.params.tolerance.followed
-
     def _has_waited(self, state: ReachState, time: float) -> bool:
         """True if `detour_delay` is over since the arm retreated or last found no detour."""
         last = max(state.since, state.checked)
@@ -208,7 +217,7 @@ class ReachReplanner:
         arm, tick = observation.arm, plan.time_step
 
         def predict(duration: float) -> ArmState:
-            if self._leads_elsewhere(plan, observation):
+            if leads_elsewhere(plan, observation, self.planner.params.tolerance.followed):
                 # An arm that follows the goal is not on the plan's path.
                 return ArmState(arm.position + duration * arm.velocity, arm.velocity)
             timing_error = self.timing.timing_error

@@ -7,6 +7,7 @@ from pydrake.math import RigidTransform
 from pepper_drake.models.control_model import body_indices
 from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.separation import StaleSpace
@@ -438,6 +439,19 @@ def test_an_arm_that_follows_a_goal_to_an_obstacle_is_stopped_for_the_goal_that_
     one.set(stop_reason=StopReason.LINK_TOO_CLOSE).step()
     assert one.state.reason == reason
     assert one.state.message.endswith("the arm went too close to an obstacle")
+
+
+def test_an_arm_that_waits_for_a_path_to_a_goal_that_moved_says_so():
+    one = on_its_way(detour=NO_DETOUR, reach=NO_DETOUR)
+    movement = replace(ADAPTED, origin=Origin.ADAPTED)
+    before = replace(path_plan(), p_WO=X_WO.translation(), movement=movement)
+    one.state = replace(one.state, plan=before)
+    one.image_time = None
+    one.set(X_WO=RigidTransform(X_WO.translation() + [0.0, 0.08, 0.0]))
+    one.until(ReachMode.FAILED, limit=60.0)
+    assert one.state.reason == "goal_moved"
+    assert "80 mm" in one.state.message
+    assert one.state.message.endswith("no clear path leads to it from here")
 
 
 def test_a_torso_that_tilted_is_named_in_its_stead():

@@ -130,13 +130,26 @@ def test_an_adapted_movement_is_planned_anew_where_its_goal_goes(moved, origin, 
     assert one.state.suspended_plan is None
 
 
-def test_a_goal_to_which_no_path_is_found_is_followed():
+@pytest.mark.parametrize("moved", [0.025, 0.08])
+def test_a_goal_to_which_no_path_is_found_is_followed_no_further_than_a_little(moved):
     one = on_its_way(detour=NO_DETOUR)
     before = adapted_plan()
     one.state = replace(one.state, plan=before)
-    one.set(X_WO=goal_higher_by(0.08)).look().advance(2.0 * LATENCY.plan)
+    one.set(X_WO=goal_higher_by(moved)).look().advance(2.0 * LATENCY.plan)
     assert one.planner.questions().count("replan") == 1
-    assert (one.state.plan, one.state.suspended_plan, one.state.braking) == (before, None, False)
+    assert one.state.braking == (moved > ReachPlannerParams().tolerance.jumped)
+    assert (one.state.plan, one.state.suspended_plan) == (before, None)
+
+
+def test_an_arm_that_braked_for_a_goal_that_moved_goes_there_once_there_is_a_path():
+    one = on_its_way(detour=NO_DETOUR)
+    one.state = replace(one.state, plan=adapted_plan())
+    one.set(X_WO=goal_higher_by(0.08)).look().advance(2.0 * LATENCY.check)
+    assert one.state.braking
+    one.planner.detour = adapted_plan(0.08)
+    one.look().advance(2.0 * LATENCY.plan)
+    assert one.state.plan is one.planner.detour
+    assert not one.state.braking
 
 
 def test_a_detour_starts_where_the_arm_will_be_when_it_takes_effect():
