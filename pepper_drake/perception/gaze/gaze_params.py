@@ -12,6 +12,9 @@ class HeadSearchParams:
 
     low_pitch: float = 0.3
     """Pitch at which tables are searched [rad]."""
+    lost_pitch: float = 0.5
+    """The same for an object that was seen before [rad]: it was near, and the images of the top and
+    the bottom camera do not overlap there."""
     high_pitch: float = -0.1
     """Pitch at which higher places are searched [rad]."""
     first_yaw: float = 0.4
@@ -54,6 +57,12 @@ class GazeParams:
     """Largest acceleration of a head joint [rad/s²]."""
     missed_age: float = 1.9
     """Age of the last sighting at which the object counts as missed [s]."""
+    missed_age_moving: float = 0.6
+    """The same for a moving object, which leaves the image soon [s]: one image has missed it. All
+    cameras look for it."""
+    lead_time: float = 1.0
+    """Longest time since the last sighting for which a moving object is thought to have kept its
+    velocity [s]; after it, it is searched for along its motion."""
     centering_age: float = 1.6
     """Age of the last sighting at which a scan ends and the object is centred [s]."""
     scan_age: float = 0.35
@@ -86,7 +95,7 @@ class GazeParams:
     view_margin: float = 0.012
     """Displacement of the object during a scan that keeps it within the image [m]."""
     swing: float = 0.4
-    """Amplitude in pitch of the search for a missed object [rad]."""
+    """Amplitude of the search for a missed object [rad]."""
     swing_period: float = 2.4
     """Period of that search [s]."""
     search: HeadSearchParams = field(default_factory=HeadSearchParams)

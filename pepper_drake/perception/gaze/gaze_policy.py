@@ -102,7 +102,12 @@ class GazeState:
         )
 
 
+_UP = np.array([0.0, -1.0])
+"""Turn of the head (2,) that looks higher."""
 _NEVER_SEEN = np.zeros(len(VIEW_POINTS))
+
+
+_AT_REST = np.zeros(3)
 
 
 class GazeObservation(NamedTuple):
@@ -113,7 +118,7 @@ class GazeObservation(NamedTuple):
         X_WT: Pose of the torso.
         X_WO: Pose of the object; None while unknown.
         age: Time since the object was last seen [s].
-        speed: The object's speed [m/s].
+        velocity: The object's velocity (3,) in W [m/s].
         scan_enabled: Whether the head may scan around an object at rest.
         look_at: Point (3,) in W to look at [m]; None for none.
         cloud: Returns the points (P, 3) of obstacles in W [m], read only when needed.
@@ -123,7 +128,7 @@ class GazeObservation(NamedTuple):
     X_WT: RigidTransform
     X_WO: RigidTransform | None
     age: float = 0.0
-    speed: float = 0.0
+    velocity: Vector = _AT_REST
     scan_enabled: bool = False
     look_at: Vector | None = None
     cloud: Callable[[], Vector] = lambda: np.zeros((0, 3))
@@ -160,10 +165,10 @@ class GazePolicy:
 
     Without a secondary camera the object is centred in the image. With one, the object is brought
     as close to the centre of the secondary camera's image as possible while a first camera still
-    sees it well. A moving object is centred in any case; a missed one is searched for above and
-    below its last position, with all cameras. During a scan around an object at rest the head
-    glances, between two looks at the object, at the places around it that the secondary camera has
-    not seen for longest, or at a given point.
+    sees it well. A moving object is centred in any case, where it is by now. A missed one is
+    searched for with all cameras: above and below its last position, or along its motion. During a
+    scan around an object at rest the head glances, between two looks at the object, at the places
+    around it that the secondary camera has not seen for longest, or at a given point.
 
     Args:
         p_OP: The point on the object to look at (3,) [m].
@@ -171,8 +176,8 @@ class GazePolicy:
         secondary_camera: A camera that should see the object's surroundings; None for none.
         radius: Radius of the part of the object that has to stay in view [m].
         side: Side of the reaching arm, 1 left or -1 right.
-        search: Head angles (2,) [rad] of the search by the time since it began [s] and side; None
-            to stay still.
+        search: Head angles (2,) [rad] of the search by the time since it began [s], side, and
+            whether the object was seen before; None to stay still.
         time_step: Time between two steps [s].
         params: Timing and limits.
     """
@@ -185,7 +190,7 @@ class GazePolicy:
         secondary_camera: HeadCamera | None,
         radius: float,
         side: float,
-        search: Callable[[float, float], Vector] | None,
+        search: Callable[[float, float, bool], Vector] | None,
         time_step: float,
         params: GazeParams,
     ) -> None:
@@ -202,13 +207,19 @@ class GazePolicy:
             aim = state.head
             start = now.time if math.isnan(state.search_start) else state.search_start
             if self._search is not None:
-                aim = clamp_head(self._search(now.time - start, self._side))
+                was_seen = 0.0 < now.age < math.inf
+                aim = clamp_head(self._search(now.time - start, self._side, was_seen))
             state = replace(state, camera=-1, target=np.full(2, np.nan), search_start=start)
         else:
-            p_TP = now.X_WT.InvertAndCompose(now.X_WO) @ self._p_OP
-            gaze, state = self._aim(state, now, p_TP)
+            moves = self._moves(now)
+            p_WP = now.X_WO @ self._p_OP
+            if moves:
+                p_WP = p_WP + now.velocity * min(now.age, params.lead_time)
+            p_TP = now.X_WT.inverse() @ p_WP
+            gaze, state = self._aim(state, now, p_TP, moves)
             aim = gaze.head
-            is_missed = self._secondary is not None and now.age > params.missed_age
+            latest = params.missed_age_moving if moves else params.missed_age
+            is_missed = self._secondary is not None and now.age > latest
             camera = -1 if is_missed else self._cameras.index(gaze.camera)
             state = replace(state, camera=camera, search_start=math.nan)
         head, velocity = step_head_trajectory(
@@ -227,21 +238,36 @@ class GazePolicy:
             in_view=gaze is not None and image_offset(gaze.camera, head, p_TP) < 1,
         )
 
-    def _aim(self, state: GazeState, now: GazeObservation, p_TP: Vector) -> tuple[Gaze, GazeState]:
+    def _moves(self, now: GazeObservation) -> bool:
+        """True if the object moves.
+
+        Before the arm moves, the object's motion matters less than the place to look at; that of an
+        object far away is mostly noise.
+        """
+        is_fast = math.hypot(*now.velocity.tolist()) > self._params.rest_speed
+        return is_fast and (now.scan_enabled or now.look_at is None)
+
+    def _motion(self, camera: HeadCamera, now: GazeObservation, p_TP: Vector) -> Vector:
+        """Returns how the head turns to follow the object (2,), the larger of both angles one."""
+        later = p_TP + self._time_step * now.X_WT.rotation().inverse().multiply(now.velocity)
+        turn = aim_head(camera, later) - aim_head(camera, p_TP)
+        return np.asarray(turn / max(np.abs(turn).max(), 1e-9))
+
+    def _aim(
+        self, state: GazeState, now: GazeObservation, p_TP: Vector, moves: bool
+    ) -> tuple[Gaze, GazeState]:
         """Aims at the object, or beside it during a scan."""
         params, secondary = self._params, self._secondary
         current = self._cameras[state.camera] if state.camera >= 0 else None
         scans = now.look_at is not None or now.scan_enabled
         latest = params.centering_age if scans else params.missed_age
-        # Before the arm moves, the object's motion matters less than the place to look at; that of
-        # an object far away is mostly noise.
-        moves = now.speed > params.rest_speed and (now.scan_enabled or now.look_at is None)
         if secondary is None or moves or now.age > latest:
             gaze = choose_camera(self._cameras, p_TP, current=current)
-            if secondary is not None and now.age > params.missed_age:
-                since = now.age - params.missed_age
-                swing = params.swing * np.sin(2 * np.pi * since / params.swing_period)
-                gaze = replace(gaze, head=clamp_head(gaze.head - [0.0, swing]))
+            missed = params.lead_time if moves else params.missed_age
+            if secondary is not None and now.age > missed:
+                swing = params.swing * np.sin(2 * np.pi * (now.age - missed) / params.swing_period)
+                along = self._motion(gaze.camera, now, p_TP) if moves else _UP
+                gaze = replace(gaze, head=clamp_head(gaze.head + swing * along))
             elif np.allclose(state.velocity, 0.0) and _is_near(gaze.head, state.head, params):
                 gaze = replace(gaze, head=state.head)
             return gaze, replace(state, target=np.full(2, np.nan))

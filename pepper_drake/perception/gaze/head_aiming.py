@@ -160,12 +160,15 @@ _SEARCH_VIEWS = tuple(
 """Views of the search: yaw towards the arm's side, relative to the largest; whether it is high."""
 
 
-def head_search_pattern(time: float, side: float, params: HeadSearchParams | None = None) -> Vector:
+def head_search_pattern(
+    time: float, side: float, was_seen: bool = False, params: HeadSearchParams | None = None
+) -> Vector:
     """Returns head angles of the search for the goal.
 
     Args:
         time: Time since the search began [s].
         side: Side of the reaching arm, 1 left or -1 right.
+        was_seen: Whether the goal was seen before.
         params: Parameters of the search; the defaults if None.
 
     Returns:
@@ -174,11 +177,12 @@ def head_search_pattern(time: float, side: float, params: HeadSearchParams | Non
         which shows the space ahead and within reach, then to the other side, back above, and so on.
     """
     params = params or HeadSearchParams()
+    low_pitch = params.lost_pitch if was_seen else params.low_pitch
     if time < params.first_duration:
-        return np.array([side * params.first_yaw, params.low_pitch])
+        return np.array([side * params.first_yaw, low_pitch])
     view = int((time - params.first_duration) / params.view_duration)
     yaw, is_high = _SEARCH_VIEWS[view % len(_SEARCH_VIEWS)]
-    return np.array([side * yaw * params.sweep, params.high_pitch if is_high else params.low_pitch])
+    return np.array([side * yaw * params.sweep, params.high_pitch if is_high else low_pitch])
 
 
 def choose_camera(

@@ -22,7 +22,7 @@ from pepper_drake.perception.mapping.cloud_points import cloud_points
 from pepper_drake.systems.framework import LeafSystem
 
 Vector = NDArray[np.float64]
-Search = Callable[[float, float], Vector]
+Search = Callable[[float, float, bool], Vector]
 
 
 class GazeController(LeafSystem):
@@ -79,8 +79,8 @@ class GazeController(LeafSystem):
         radius: Radius of the part of the object that has to stay in view then [m]: half its
             marker's diagonal.
         side: Side of the reaching arm, 1 left or -1 right.
-        search: Head angles (2,) [rad] of the search for the object, by the time since it began [s]
-            and `side`.
+        search: Head angles (2,) [rad] of the search for the object, by the time since it began
+            [s], `side`, and whether the object was seen before.
         time_step: Period of the update [s].
         params: Timing and limits.
     """
@@ -172,7 +172,7 @@ class GazeController(LeafSystem):
             self._X_WT.Eval(context),
             self._object_pose.Eval(context) if norm(self._valid, 1.0) > 0.0 else None,
             norm(self._age, 0.0),
-            norm(self._velocity, 0.0),
+            self._velocity.Eval(context) if self._velocity.HasValue(context) else np.zeros(3),
             norm(self._scan_enabled, 0.0) > 0.5,
             look_at if look_at is not None and np.isfinite(look_at).all() else None,
             points,

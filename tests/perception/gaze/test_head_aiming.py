@@ -159,6 +159,20 @@ def test_head_arrives_within_its_limits_and_stays(seed):
     np.testing.assert_allclose(velocity, 0, atol=1e-6)
 
 
+@pytest.mark.parametrize(("was_seen", "found"), [(True, True), (False, False)])
+def test_the_search_for_a_near_object_finds_it_between_both_images(was_seen, found):
+    """At 0.4 m the images of the two cameras do not overlap by as much as a marker."""
+    half = 0.03 * np.array([[0, y, z] for y in (-1, 1) for z in (-1, 1)])
+    marker = [0.4, -0.05, 0.05] + half
+    seen = []
+    for time in np.arange(0.0, 4.2, 0.1):  # The first views, before those of higher places.
+        head = head_search_pattern(time, -1.0, was_seen)
+        for camera in (CAMERA_TOP, CAMERA_BOTTOM):
+            p_CM = (camera_pose(camera, head).inverse() @ marker.T).T
+            seen.append(camera.intrinsics.sees(p_CM).all())
+    assert any(seen) == found
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_search_rests_at_views_that_overlap_from_side_to_side(side):
     times = np.arange(0, 12.7, 0.05)

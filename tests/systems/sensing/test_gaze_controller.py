@@ -101,15 +101,27 @@ def test_head_starts_where_it_is_and_stays_without_a_goal():
 
 
 def test_without_a_goal_the_head_searches_within_its_limits():
-    system = GazeController(search=lambda time, side: np.array([0.3, 2.0]))
+    system = GazeController(search=lambda time, side, was_seen: np.array([0.3, 2.0]))
     bench = Bench(FAR, system, valid=[0.0]).run(3.0)
     np.testing.assert_allclose(
         bench.output("head_position_command"), [0.3, head_pitch_limits(0.3)[1]], atol=1e-6
     )
 
 
+@pytest.mark.parametrize(("age", "was_seen"), [(np.inf, False), (6.0, True)])
+def test_the_search_knows_whether_the_object_was_seen_before(age, was_seen):
+    asked = set()
+    system = GazeController(
+        search=lambda time, side, was_seen: asked.add(was_seen) or np.array([0.3, 0.2])
+    )
+    Bench(FAR, system, valid=[0.0], age=[age]).run(1.0)
+    assert asked == {was_seen}
+
+
 def test_each_search_begins_anew():
-    system = GazeController(search=lambda time, side: np.array([0.0 if time < 2.0 else 0.5, 0.0]))
+    system = GazeController(
+        search=lambda time, side, was_seen: np.array([0.0 if time < 2.0 else 0.5, 0.0])
+    )
     bench = Bench(FAR, system, valid=[1.0]).run(3.0)
     bench.fix("valid", [0.0])
     assert bench.run(4.9).output("head_position_command")[0] == pytest.approx(0.0, abs=1e-6)
@@ -215,6 +227,34 @@ def test_a_missed_object_is_looked_for_above_and_below_with_all_cameras():
         pitches.append(bench.run(2.0 + 2.0 * len(pitches) + 2.0).output("head_position_command")[1])
     assert pitches[0] < middle - 0.3
     assert pitches[1] > middle + 0.2
+
+
+def test_the_head_looks_where_a_moving_object_is_by_now():
+    bench = sharing(age=[0.5], velocity=[0.0, 0.2, 0.0]).run(3.0)
+    aimed = bench.output("head_position_command")
+    now = choose_camera((CAMERA_TOP, CAMERA_BOTTOM), P_TP + [0.0, 0.5 * 0.2, 0.0]).head
+    np.testing.assert_allclose(aimed, now, atol=LIMITS.following_angle)
+    assert aimed[0] > choose_camera((CAMERA_TOP, CAMERA_BOTTOM), P_TP).head[0] + 0.1
+
+
+@pytest.mark.parametrize(("speed", "enabled"), [(0.0, [0, 1]), (0.1, [1, 1])])
+def test_all_cameras_look_for_a_moving_object_once_an_image_has_missed_it(speed, enabled):
+    bench = sharing(age=[LIMITS.missed_age_moving + 0.1], velocity=[0.0, speed, 0.0]).run(3.0)
+    assert [*bench.output("top_enabled"), *bench.output("bottom_enabled")] == enabled
+
+
+@pytest.mark.parametrize(
+    ("velocity", "towards"),
+    [([0.0, 0.1, 0.0], [1, 0]), ([0.0, -0.1, 0.0], [-1, 0]), ([0.0, 0.0, 0.1], [0, -1])],
+    ids=["to the left", "to the right", "upwards"],
+)
+def test_a_missed_moving_object_is_searched_for_along_its_motion(velocity, towards):
+    quarter = 0.25 * LIMITS.swing_period
+    bench = sharing(age=[LIMITS.lead_time + quarter], velocity=velocity).run(4.0)
+    p_TP = P_TP + LIMITS.lead_time * np.array(velocity)
+    middle = choose_camera((CAMERA_TOP, CAMERA_BOTTOM), p_TP).head
+    turn = bench.output("head_position_command") - middle
+    assert turn @ towards == pytest.approx(LIMITS.swing, abs=0.05)
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.05])
