@@ -41,7 +41,7 @@ SPEED = Path(__file__).with_name("speed.json")
 FIRST_SEED = 2000
 """First of the moving scenes whose planning times set `PlanningLatency`."""
 
-PLANS = {"replan", "check_reach", "plan_retreat"}
+PLANS = {"replan", "check_reach", "plan_retreat", "plan_return"}
 DECISION = "a step that plans"
 """All answers of one step of supervision among which there is one of `PLANS`."""
 

@@ -33,7 +33,7 @@ from pepper_drake.web.drake_page import offline_meshcat
 
 Array = npt.NDArray[np.float64]
 
-_REPLANS = ("check_reach", "replan", "plan_retreat")
+_REPLANS = ("check_reach", "replan", "plan_retreat", "plan_return")
 """The planner's calls that take effect after `PlanningLatency.plan`."""
 _MOTION_THRESHOLD = 1e-6
 """Change of a joint command that counts as motion [rad]."""

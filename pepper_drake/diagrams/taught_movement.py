@@ -39,7 +39,9 @@ def taught_path(
         goal: Estimated goal of the hand in T (N, 3) [m].
     """
     reaching = np.isin(mode, (ReachMode.REACHING, ReachMode.HOLDING))
-    moving = np.flatnonzero(reaching & ~np.isin(origin, (Origin.NONE, Origin.RETREAT)))
+    moving = np.flatnonzero(
+        reaching & ~np.isin(origin, (Origin.NONE, Origin.RETREAT, Origin.RETURN))
+    )
     if not len(moving) or not np.isfinite(goal[moving]).all():
         return np.zeros((0, 3))
     since, seen = times[moving] - times[moving[0]], goal[moving]

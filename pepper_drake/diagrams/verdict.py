@@ -67,6 +67,8 @@ def judge(report: ReachReport, end: RunEnd, limits: GoalTolerances, longest: flo
     ):
         report.reason = "not_at_goal"
         report.message = "the hand is farther from the true goal than the robot believes"
+        if end.reason == UNCONFIRMED:
+            report.message = f"{end.message}, and the goal is elsewhere by now"
     elif turned > may_turn:
         report.reason = "turned_away"
         report.message = (

@@ -36,6 +36,7 @@ _ORIGIN_COLORS = {
     Origin.ADAPTED: "tab:cyan",
     Origin.DETOUR: "tab:olive",
     Origin.RETREAT: "tab:red",
+    Origin.RETURN: "tab:purple",
 }
 TAUGHT, PRIMITIVE, HAND, GOAL, CLOUD = "k", "tab:blue", "tab:orange", "tab:green", "#d9541a"
 

@@ -43,6 +43,8 @@ class MovementReport:
     """Number of times that the rest of the movement was replanned during it."""
     retreats: int = 0
     """Number of times that the arm retreated."""
+    returns: int = 0
+    """Number of times that it went back to its first posture, for the robot to drive elsewhere."""
     waited_seconds: float = 0.0
     """Time during which the arm braked or stood still before the goal."""
     withdrawn_seconds: float = 0.0
@@ -81,8 +83,12 @@ class MovementReport:
         else:
             lines.append("  coupling          zero: no obstacle was near enough to act")
         happened = [
-            f"{count} {name}{'s' if count > 1 else ''}"
-            for name, count in (("detour", self.detours), ("retreat", self.retreats))
+            f"{count} {one if count == 1 else several}"
+            for one, several, count in (
+                ("detour", "detours", self.detours),
+                ("retreat", "retreats", self.retreats),
+                ("drive elsewhere", "drives elsewhere", self.returns),
+            )
             if count
         ]
         happened += [
@@ -134,6 +140,7 @@ def measure_movement(log: ReachLog) -> MovementReport:
         coupled_seconds=step * float(np.count_nonzero(acts)),
         detours=_begins(origin, Origin.DETOUR),
         retreats=_begins(origin, Origin.RETREAT),
+        returns=_begins(origin, Origin.RETURN),
         waited_seconds=step * float(np.count_nonzero((origin == Origin.NONE) & reaching)),
         withdrawn_seconds=step * float(np.count_nonzero(origin == Origin.RETREAT)),
     )

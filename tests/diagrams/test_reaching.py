@@ -189,6 +189,20 @@ def test_a_low_goal_is_reached_and_confirmed_by_a_robot_that_leans_forward():
 
 
 @pytest.mark.render
+def test_a_goal_that_is_moved_out_of_reach_is_followed_by_the_whole_robot(tmp_path):
+    motion = tmp_path / "aside.txt"
+    motion.write_text("0.5 0 0 0\n2.5 0 0.3 0\n")  # 30 cm in 2 s, while the arm reaches.
+    reaching = build_reaching(Case(0, scene="table", goal_motion=str(motion)).scenario())
+    result = ReachSimulation(reaching, RunOptions(progress=False)).run()
+    report, log = result.report, result.log
+    assert (report.outcome, report.reason, report.contacts) == ("reached", "", 0)
+    assert report.final_position_error < 0.01
+    assert report.movement.returns == 1
+    first = int(np.argmax(log.mode == ReachMode.REACHING))
+    assert np.linalg.norm((log.base_pose_m_m_rad[-1] - log.base_pose_m_m_rad[first])[:2]) > 0.2
+
+
+@pytest.mark.render
 def test_a_clone_does_not_know_what_becomes_of_the_original():
     reaching = make_reaching("free", "right")
     simulator = Simulator(reaching)

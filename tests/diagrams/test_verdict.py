@@ -58,6 +58,13 @@ def test_a_touch_is_reported_whatever_else_failed(mode, reason):
             "farther from the true goal",
         ),
         (
+            RunEnd(ReachMode.DONE, UNCONFIRMED, "seen 9 s ago"),
+            {"tasks": [TaskOutcome(final_position_error=0.2)]},
+            "failed",
+            "not_at_goal",
+            "seen 9 s ago, and the goal is elsewhere by now",
+        ),
+        (
             RunEnd(ReachMode.DONE),
             {"final_axis_error": 0.6, "axis_tolerance": 0.5},
             "failed",

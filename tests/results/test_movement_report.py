@@ -47,6 +47,13 @@ def test_deviation_is_the_distance_between_the_paths():
     assert "30 mm" in movement_title(movement)
 
 
+def test_a_return_before_the_robot_drives_elsewhere_is_counted():
+    origins = [Origin.ADAPTED, Origin.RETREAT, Origin.RETURN, Origin.ADAPTED, Origin.ADAPTED]
+    movement = measure_movement(straight_log(origins))
+    assert (movement.retreats, movement.returns) == (1, 1)
+    assert "1 retreat, 1 drive elsewhere" in "\n".join(movement.lines())
+
+
 def test_waiting_and_retreats_are_counted():
     origins = [Origin.TAUGHT, Origin.NONE, Origin.RETREAT, Origin.DETOUR, Origin.RETREAT]
     movement = measure_movement(straight_log(origins))

@@ -16,3 +16,5 @@ class Origin(IntEnum):
     """The rest of a movement, replanned during the motion."""
     RETREAT = 4
     """Back along the travelled path, away from a new obstacle."""
+    RETURN = 5
+    """Back to the posture of the start, for the robot to drive to another base placement."""

@@ -74,6 +74,16 @@ class PlannerWrapper:
             "plan_retreat", observation, lambda asked: self.planner.plan_retreat(plan, asked)
         )
 
+    def plan_return(
+        self, plan: ReachPlan, posture: npt.NDArray[np.float64], observation: Observation
+    ) -> ReachPlan:
+        """Returns a plan back to a posture; see `Planner`."""
+        return self._answer(
+            "plan_return",
+            observation,
+            lambda asked: self.planner.plan_return(plan, posture, asked),
+        )
+
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
         """Returns the clearance along the rest of a plan's path; see `Planner`."""
         return self._answer(

@@ -14,7 +14,11 @@ from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling, Couplin
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.collision.exact_distance import NEAR
-from pepper_drake.planning.collision.path_distances import arm_motion, path_distances
+from pepper_drake.planning.collision.path_distances import (
+    PathDistances,
+    arm_motion,
+    path_distances,
+)
 from pepper_drake.planning.ik.goal_configurations import axis_error
 from pepper_drake.planning.reach.barrier_for_path import fit_barrier_to_path
 from pepper_drake.planning.reach.kinematic_simulation import KinematicSimulator
@@ -198,7 +202,7 @@ class ReachEvaluator:
         elif behind > params.following.plan:
             status = PlanStatus.CANNOT_FOLLOW
             message = f"the hand would fall {1000 * behind:.0f} mm behind its movement"
-        elif along(near_body, below=params.hanging_clearance).minimum < params.hanging_clearance:
+        elif self._hits_body(along(near_body, below=params.hanging_clearance)):
             status = PlanStatus.SELF_COLLISION
             message = "the arm would run into the robot's own body"
         elif collision_checked and clearance < params.clearance.start - allowance:
@@ -250,6 +254,13 @@ class ReachEvaluator:
             return refused
         message = f"no clear path to the goal was found; as it was demonstrated, {refused.message}"
         return replace(refused, status=PlanStatus.NO_CLEAR_PATH, message=message)
+
+    def _hits_body(self, own: PathDistances) -> bool:
+        """True if distances to the own body are too small, by more than at the first posture."""
+        params = self.params
+        lacks = params.hanging_clearance - own.distances[0]
+        allowed = lacks if 0.0 < lacks <= params.body_clearance_allowance else 0.0
+        return own.minimum < params.hanging_clearance - allowed
 
     def _turned_away(self, scene: PlanningScene, R_TH: Vector) -> float:
         """Returns the error of the task axis of a hand (1, 3, 3) if it is too large, else 0 [rad].

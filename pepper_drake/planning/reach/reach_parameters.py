@@ -133,6 +133,9 @@ class ReachPlannerParams:
     upper_body_clearance: float = 0.004
     """Clearance of the arm to torso, tablet, other arm, and the head at any angle [m]: the tracking
     error at 0.5 m/s."""
+    body_clearance_allowance: float = 0.004
+    """Clearance to the own body that an arm on its way may lack [m]: the tracking error at 0.5 m/s.
+    Such an arm may move on, but no nearer."""
     solid_depth: float = 0.03
     """Thickness that is assumed below each point of the cloud [m]: that of a table top."""
     settle: float = 0.4
@@ -230,8 +233,9 @@ class ReachTiming:
     goal_confirmed: float = 2.0
     """Largest age of the last sighting of the goal that confirms a reach [s]: the head looks
     elsewhere for up to 1.4 s."""
-    confirmation_timeout: float = 3.0
-    """Longest wait at the goal for such a sighting, after `holding` [s]."""
+    confirmation_timeout: float = 8.0
+    """Longest wait at the goal for such a sighting, after `holding` [s], or until `goal_lost`: the
+    head searches the table for a goal that was taken elsewhere."""
     max_base_placements: int = 3
     """Largest number of base placements that are driven to, if the reach is not clear there."""
     dwell: float = 0.2

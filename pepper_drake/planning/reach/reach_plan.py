@@ -233,6 +233,16 @@ class Planner(Protocol):
         """
         ...
 
+    def plan_return(self, plan: ReachPlan, posture: Vector, observation: Observation) -> ReachPlan:
+        """Returns a plan back to a posture of the arm, not clear if there is none.
+
+        Args:
+            plan: The plan on whose path the arm came.
+            posture: The posture (5,) [rad].
+            observation: The observation.
+        """
+        ...
+
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
         """Returns distances of the rest of a plan's path to obstacles."""
         ...

@@ -24,6 +24,7 @@ from pepper_drake.planning.reach.reach_task import ReachTask
 from pepper_drake.planning.reach.remaining_reach import (
     path_ahead,
     plan_retreat,
+    plan_return,
     remaining_clearance,
     replan,
 )
@@ -151,6 +152,11 @@ class ReachPlanner:
     def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
         """Returns a plan back to a configuration with more clearance; see `Planner`."""
         return plan_retreat(self._evaluator, plan, observation)
+
+    def plan_return(self, plan: ReachPlan, posture: Vector, observation: Observation) -> ReachPlan:
+        """Returns a plan back to a posture; see `Planner`."""
+        back = plan_return(self._evaluator, plan, posture, observation)
+        return self._with_unseen(back, observation)
 
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
         """Returns the clearance along the rest of a plan's path; see `Planner`."""

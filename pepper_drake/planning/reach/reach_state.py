@@ -100,6 +100,8 @@ class ReachState:
         waited: Total time spent waiting for obstacles to leave [s].
         blind: Total time spent waiting for depth images [s].
         may_drive: Whether the base may be sent to another base placement.
+        given_up: Reason and sentence of why the goal is not reached from the present base pose: the
+            arm returns to its first posture, and the robot drives elsewhere. None if it does not.
         look_at: Gaze target in W [m]: space to be swept that was not seen, or not recently, or the
             obstacle that blocks the path; NaN for none.
         steadiness: Steadiness of the measurements since the arm started.
@@ -137,6 +139,7 @@ class ReachState:
     waited: float = 0.0
     blind: float = 0.0
     may_drive: bool = True
+    given_up: tuple[str, str] | None = None
     look_at: tuple[float, float, float] = NOWHERE
     steadiness: Steadiness = field(default_factory=Steadiness)
     pending: tuple[Pending, ...] = ()
@@ -231,6 +234,18 @@ class ReachState:
             braking=False,
             suspended_plan=suspended_plan,
             pending=(),
+        )
+
+    def anew(self, time: float) -> "ReachState":
+        """Returns the state of a robot that looks for another base placement from now on."""
+        return ReachState(
+            since=time,
+            goal_seen_since=self.goal_seen_since,
+            base_pose_wanted=self.base_pose_wanted,
+            hip_pitch_wanted=self.hip_pitch_wanted,
+            places=self.places,
+            movements=self.movements,
+            given_up=self.given_up,
         )
 
     def fail(self, time: float, reason: str, message: str) -> "ReachState":

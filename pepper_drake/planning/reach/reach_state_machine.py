@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from pepper_drake.planning.reach.drive_supervision import ROUNDING, DriveSupervision
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
@@ -29,7 +30,8 @@ def step(
 
     LOOKING (find the goal, look at the scene) → DRIVING (to a base placement) → SETTLING (stand,
     look again, check the reach) → REACHING → HOLDING → DONE; from each of them to FAILED, where the
-    arm holds still. Plans take effect after `timing.latency`.
+    arm holds still. From REACHING back to LOOKING if the goal is not reached from where the robot
+    stands: it drives to another base placement. Plans take effect after `timing.latency`.
 
     Args:
         state: State before.
@@ -39,6 +41,13 @@ def step(
     """
     if state.mode in RESTS:
         return state
+    after = _step(state, observation, planner, timing)
+    return after if state.given_up is None else _with_first_reason(after, *state.given_up)
+
+
+def _step(
+    state: ReachState, observation: Observation, planner: Planner, timing: ReachTiming
+) -> ReachState:
     supervision = _Supervision(observation, planner, timing)
     if state.has_started:
         steadiness = state.steadiness.advanced(observation, timing.steadiness)
@@ -56,6 +65,14 @@ def step(
     }
     handler = handlers.get(state.mode)
     return state if handler is None else supervision.take_effect(handler(state))
+
+
+def _with_first_reason(state: ReachState, reason: str, message: str) -> ReachState:
+    """Returns a state that, where no place is better, fails for why the robot looked for one."""
+    if state.mode != ReachMode.FAILED or state.reason not in set(PlanStatus):
+        return state
+    elsewhere = "" if state.message == message else f"; from elsewhere, {state.message}"
+    return replace(state, reason=reason, message=f"{message}{elsewhere}")
 
 
 class _Supervision(DriveSupervision):
@@ -79,7 +96,7 @@ class _Supervision(DriveSupervision):
             return state.fail(time, unsteady[0], f"{unsteady[1]}; {sentence}")
         if state.mode == ReachMode.LOOKING:
             return None
-        if observation.goal_age > timing.goal_lost:
+        if observation.goal_age > timing.goal_lost and state.mode != ReachMode.HOLDING:
             message = f"the goal's marker was not seen for {timing.goal_lost:g} s"
             return self._goal_unseen(state, "goal_lost", message)
         if observation.cloud_age > timing.cloud_lost:
@@ -87,7 +104,8 @@ class _Supervision(DriveSupervision):
         if unsteady is not None:
             return state.fail(time, *unsteady)
         longest = timing.reach_timeout + min(state.slowed, timing.max_slowdown_extension)
-        if state.mode == ReachMode.REACHING and time - state.started > longest:
+        is_reaching = state.mode == ReachMode.REACHING and state.given_up is None
+        if is_reaching and time - state.started > longest:
             message = f"the hand had not arrived {longest:.0f} s after the arm started"
             return self._fail(state, "timeout", message)
         return None
@@ -107,7 +125,13 @@ class _Supervision(DriveSupervision):
             return replace(state, braking=True)
         if result.effect == Effect.START:
             starting = state.to(ReachMode.REACHING, time)
-            return replace(starting, movements=1, started=time, look_at=NOWHERE)
+            return replace(
+                starting,
+                movements=state.movements + 1,
+                started=time,
+                look_at=NOWHERE,
+                given_up=None,
+            )
         if result.effect == Effect.LOOK:
             return replace(state, look_at=result.look_at) if state.is_placing else state
         assert plan is not None
@@ -121,6 +145,8 @@ class _Supervision(DriveSupervision):
                 return state.fail(time, "plan_invalid", invalid)
         if result.effect == Effect.MOVEMENT:
             moving = state.to(ReachMode.REACHING, time)
+            if result.suspended_plan is None:
+                moving = replace(moving, given_up=None)
             return moving.with_plan(plan, time, result.suspended_plan)
         if result.effect == Effect.CHECK:
             if plan.status == PlanStatus.CLEAR:
@@ -214,43 +240,108 @@ class _Supervision(DriveSupervision):
         tolerance, following = self._planner.params.tolerance, self._planner.params.following
         suspended = state.suspended_plan
         if suspended is not None:
-            state = replace(state, waited=state.waited + timing.time_step)
-            if state.waited > timing.blocked_timeout:
-                unseen = f": {state.message}" if state.message else ""
-                message = f"something came in the way and has not gone{unseen}"
-                if leads_elsewhere(suspended, self._observation, tolerance.jumped):
-                    message = "no clear path leads to it from here"
-                return self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
-            return state
+            return self._wait(state, suspended)
         if state.braking:
             return state
-        elapsed, error = state.performed, self._observation.goal_distance
+        elapsed, error, tau = (
+            state.performed,
+            self._observation.goal_distance,
+            self._observation.tau,
+        )
         behind = self._observation.following_error
         if behind > following.stop:
             message = f"the hand fell {1000 * behind:.0f} mm behind its movement"
             return self._fail(state, PlanStatus.CANNOT_FOLLOW.value, message)
-        if elapsed >= self._observation.tau and error <= tolerance.arrive:
+        if elapsed >= tau and error <= tolerance.arrive:
             if np.isnan(state.still_since):
                 return replace(state, still_since=time)
             if time - state.still_since >= timing.dwell - ROUNDING:
                 return state.to(ReachMode.HOLDING, time)
             return state
-        if elapsed > timing.movement_timeout_ratio * self._observation.tau:
+        # A goal that moves on while the hand is there is followed for tau.
+        if elapsed > timing.movement_timeout_ratio * tau and time - state.since > tau:
             if error <= tolerance.accept:
                 return state.to(ReachMode.HOLDING, time)
             message = f"the hand stayed {1000 * error:.0f} mm from its goal"
-            return self._fail(state, "not_reached", message)
+            failed = self._fail(state, "not_reached", message)
+            return self._returning(state, failed) or failed
         return state if np.isnan(state.still_since) else replace(state, still_since=np.nan)
+
+    def _wait(self, state: ReachState, suspended: ReachPlan) -> ReachState:
+        """Waits for the path to become clear; at last the robot drives elsewhere."""
+        timing, observation = self._timing, self._observation
+        state = replace(state, waited=state.waited + timing.time_step)
+        if state.given_up is not None:
+            return self._returned(state, state.given_up)
+        moved = leads_elsewhere(suspended, observation, self._planner.params.tolerance.jumped)
+        is_over = state.waited > timing.blocked_timeout
+        # A goal that has moved is not waited for, once no path to where it rests was found.
+        searched = state.checked == self._time >= state.since + timing.detour_delay
+        if not is_over and not (moved and searched):
+            return state
+        unseen = f": {state.message}" if state.message else ""
+        message = f"something came in the way and has not gone{unseen}"
+        if moved:
+            message = "no clear path leads to it from here"
+        failed = self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
+        return self._returning(state, failed) or (failed if is_over else state)
+
+    def _returning(self, state: ReachState, failed: ReachState) -> ReachState | None:
+        """Returns the state of an arm that returns before the robot drives elsewhere.
+
+        Args:
+            state: The present state.
+            failed: That of a robot that gives up.
+
+        Returns:
+            None if the robot may not drive, if that would not help, or if no path leads back.
+        """
+        if state.given_up is not None:
+            return state
+        first, reach = state.started_with, state.suspended_plan or state.plan
+        helps = failed.reason in (PlanStatus.NO_CLEAR_PATH.value, "goal_moved")
+        may_drive = self._may_drive(state) and state.places < self._timing.max_base_placements
+        if not helps or not may_drive or first is None or reach is None:
+            return None
+        # A retreat that has not begun is not needed; a brake is.
+        state = replace(
+            state, pending=tuple(one for one in state.pending if one.effect == Effect.BRAKE)
+        )
+        start, due = self._replanner.predicted_start(state, self._observation)
+        way = self._planner.plan_return(
+            reach, first.arm.position, self._observation.with_arm(start)
+        )
+        if way.status == PlanStatus.NOT_SEEN and state.waited < (
+            self._timing.blocked_timeout + self._timing.unseen_timeout
+        ):
+            x, y, z = way.look_at
+            return replace(state, look_at=(x, y, z))
+        if way.status != PlanStatus.CLEAR:
+            return None
+        returning = replace(state, given_up=(failed.reason, failed.message))
+        return returning.later(Pending(due, Effect.MOVEMENT, way, self._observation, reach))
+
+    def _returned(self, state: ReachState, given_up: tuple[str, str]) -> ReachState:
+        """Looks for another base placement once the arm is back at rest in its first posture."""
+        if state.braking or state.is_planning or state.performed < self._observation.tau:
+            return state
+        if state.performed_origin != Origin.RETURN:
+            return state.fail(self._time, *given_up)
+        if np.abs(self._observation.arm.velocity).max() >= self._timing.at_rest:
+            return state
+        return self._place_base(state.anew(self._time))
 
     def hold(self, state: ReachState) -> ReachState:
         """Holds until the goal is seen again, then ends; retreats from obstacles."""
         state, timing = self._pace(self._look_ahead(state)), self._timing
         held, age = self._time - state.since, self._observation.goal_age
+        if self._observation.goal_distance > self._planner.params.tolerance.followed:
+            return state.to(ReachMode.REACHING, self._time)  # The goal has moved on.
         if state.braking or state.is_planning or held < timing.holding - ROUNDING:
             return state
         if age <= timing.goal_confirmed:
             return state.to(ReachMode.DONE, self._time)
-        if held < timing.holding + timing.confirmation_timeout:
+        if held < timing.holding + timing.confirmation_timeout and age <= timing.goal_lost:
             return state
         message = f"the hand is where the goal was last seen, {age:.1f} s ago"
         done = state.to(ReachMode.DONE, self._time)

@@ -1,4 +1,4 @@
-"""The rest of a running movement: its clearance, a detour, a retreat."""
+"""The rest of a running movement: its clearance, a detour, a retreat, the way back."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +9,7 @@ from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.movement_from_path import fit_primitive_to_joint_path
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.planning_scene import PlanningScene
 from pepper_drake.planning.reach.reach_evaluator import ReachEvaluator
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan, RemainingClearance
 from pepper_drake.planning.trajectories.retreat import retreat_trajectory
@@ -51,7 +52,7 @@ def replan(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation)
 
 def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation) -> ReachPlan:
     """Returns a plan back to where there is more clearance; see `Planner`."""
-    scene, kinematics = evaluator.scenes(observation), evaluator.kinematics
+    scene = evaluator.scenes(observation)
     assert plan.joint_path is not None
     joints, duration = retreat_trajectory(
         plan.joint_path[: plan.nearest(scene.arm) + 1],
@@ -62,8 +63,31 @@ def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observ
         evaluator.limits,
         evaluator.params.retreat,
     )
+    return _plan_along(evaluator, scene, joints, duration, Origin.RETREAT)
+
+
+def plan_return(
+    evaluator: ReachEvaluator, plan: ReachPlan, posture: Vector, observation: Observation
+) -> ReachPlan:
+    """Returns a plan back to a posture (5,) [rad]; see `Planner`."""
+    scene, path = evaluator.scenes(observation), None
+    if evaluator.adapter is not None and plan.joint_path is not None:
+        travelled = plan.joint_path[: plan.nearest(scene.arm) + 1]
+        path = evaluator.adapter.adapt_back(scene.arm.position, posture, scene.checker, travelled)
+    if path is None:
+        return ReachPlan(
+            PlanStatus.NO_CLEAR_PATH, "there is no clear path back", observation.base_pose
+        )
+    return _plan_along(evaluator, scene, path.joints, path.duration, Origin.RETURN)
+
+
+def _plan_along(
+    evaluator: ReachEvaluator, scene: PlanningScene, joints: Vector, duration: float, origin: Origin
+) -> ReachPlan:
+    """Returns the plan of a movement along a joint path (N, 5) [rad] that ends off the goal."""
+    kinematics = evaluator.kinematics
     primitive = fit_primitive_to_joint_path(
-        kinematics, joints, duration, "retreat", evaluator.params.rest_fraction
+        kinematics, joints, duration, origin.name.lower(), evaluator.params.rest_fraction
     )
     end = kinematics.poses(joints[-1:])
     X_TG = RigidTransform(
@@ -71,7 +95,7 @@ def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observ
     )
     X_OG = scene.X_TO.inverse() @ X_TG
     coupling = evaluator.coupling_along(scene, primitive)
-    return evaluator.evaluate(scene, Movement(primitive, coupling, X_OG, origin=Origin.RETREAT))
+    return evaluator.evaluate(scene, Movement(primitive, coupling, X_OG, origin=origin))
 
 
 def path_ahead(plan: ReachPlan, observation: Observation) -> Vector:

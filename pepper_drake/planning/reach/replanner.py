@@ -109,7 +109,7 @@ class ReachReplanner:
             state = state.later(Pending(time + latency.check, Effect.BRAKE))
         if state.is_planning:
             return state
-        start, due = self._predicted_start(state, observation)
+        start, due = self.predicted_start(state, observation)
         # A moving obstacle is too uncertain to pass: the arm waits for it to leave.
         may_pass = is_under_way and not len(observation.predicted_cloud)
         if is_free or has_waited or may_pass:
@@ -205,7 +205,7 @@ class ReachReplanner:
             cloud = dilate_new_points(cloud, tree, p_WO, moving=True, params=params)
         return extrude_new_points_down(cloud, tree, p_WO, params)
 
-    def _predicted_start(
+    def predicted_start(
         self, state: ReachState, observation: Observation
     ) -> tuple[ArmState, float]:
         """Returns the arm's command when a plan takes effect, and that time [s].

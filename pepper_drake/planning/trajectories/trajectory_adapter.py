@@ -125,9 +125,8 @@ class TrajectoryAdapter:
             # Barrier and limits make it jerky.
             own = smoothed(smoothed(resampled(rollout, self.params.samples)))[None]
             demonstrations = np.concatenate((own, demonstrations))
-        return self._adapt(
-            start, X_TG, checker, demonstrations, self._duration, plan, allowance, deform
-        )
+        goals = self.goal_postures(X_TG, checker, demonstrations[:, -1], allowance)
+        return self._adapt(start, goals, checker, demonstrations, self._duration, plan, deform)
 
     def adapt_remaining(
         self,
@@ -147,20 +146,36 @@ class TrajectoryAdapter:
             duration: Duration of the rest [s].
         """
         rest = resampled(remaining, self.params.samples)[None]
-        return self._adapt(start, X_TG, checker, rest, duration, plan=False)
+        goals = self.goal_postures(X_TG, checker, rest[:, -1])
+        return self._adapt(start, goals, checker, rest, duration, plan=False)
+
+    def adapt_back(
+        self, start: Vector, end: Vector, checker: ArmCollisionChecker, travelled: Vector
+    ) -> AdaptedTrajectory | None:
+        """Searches for a clear path to a posture, near known paths played backwards; see `adapt`.
+
+        Args:
+            start: Present joints (5,) [rad].
+            end: The posture (5,) [rad].
+            checker: Distances of the arm to obstacles.
+            travelled: The path (K, 5) on which the arm came, used beside the demonstrations [rad].
+        """
+        came = resampled(travelled, self.params.samples)[None]
+        backwards = np.concatenate((came, self._demonstrations))[:, ::-1]
+        goals = end[None], np.zeros((1, len(backwards)))
+        return self._adapt(start, goals, checker, backwards, self._duration)
 
     def _adapt(
         self,
         start: Vector,
-        X_TG: RigidTransform,
+        goals_with_costs: tuple[Vector, Vector],
         checker: ArmCollisionChecker,
         demonstrations: Vector,
         duration: float,
-        plan: bool,
-        allowance: float = 0.0,
+        plan: bool = True,
         deform: bool = True,
     ) -> AdaptedTrajectory | None:
-        goals, discomfort = self.goal_postures(X_TG, checker, demonstrations[:, -1], allowance)
+        goals, discomfort = goals_with_costs
         if not len(goals):
             return None
         lower, upper = np.minimum(self._lower, start), np.maximum(self._upper, start)

@@ -18,7 +18,7 @@ _FAR = 1e3
 """Standard deviation of a garbage base placement [m]."""
 _AT_REST = ("plan_base_placement", "check_reach")
 """Requests made while the arm rests."""
-_DURING_MOTION = ("replan", "plan_retreat")
+_DURING_MOTION = ("replan", "plan_retreat", "plan_return")
 """Requests made while the arm moves."""
 T = TypeVar("T")
 

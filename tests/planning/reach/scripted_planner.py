@@ -48,6 +48,7 @@ TIMING = ReachTiming(
     driving_timeout=2.0,
     settling=0.4,
     goal_lost=3.0,
+    confirmation_timeout=3.0,
     holding=0.5,
     movement_timeout_ratio=2.0,
 )
@@ -87,6 +88,7 @@ class ScriptedPlanner:
         reach: Answer to `check_reach`.
         detour: Answer to `replan`.
         back: Answer to `plan_retreat`.
+        home: Answer to `plan_return`; nothing is in its way.
         ahead: Least distance of the rest of a path, from `ahead_from` on [m].
         ahead_from: Time from now at which the path is as near as that [s].
         distances: Distances by time from now, in place of these two.
@@ -103,6 +105,7 @@ class ScriptedPlanner:
     back: ReachPlan = field(
         default_factory=lambda: replace(path_plan(), status=PlanStatus.OUT_OF_REACH, clearance=0.05)
     )
+    home: ReachPlan = field(default_factory=lambda: NO_DETOUR)
     ahead: float = 0.02
     ahead_from: float = 1.0
     distances: dict[float, float] = field(default_factory=dict)
@@ -141,11 +144,19 @@ class ScriptedPlanner:
         self.asked.append(("plan_retreat", observation))
         return self.back
 
+    def plan_return(
+        self, plan: ReachPlan, posture: npt.NDArray[np.float64], observation: Observation
+    ) -> ReachPlan:
+        self.asked.append(("plan_return", observation))
+        return self.home
+
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:
         self.asked.append(("remaining_clearance", observation))
         if self.distances:
             times = np.array(list(self.distances))
             return RemainingClearance(times, np.array(list(self.distances.values())))
+        if plan is self.home:
+            return RemainingClearance(np.zeros(1), np.array([0.1]))
         far = max(self.ahead, 0.1)
         return RemainingClearance(
             np.array([0.0, self.ahead_from]),

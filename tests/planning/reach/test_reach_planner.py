@@ -394,6 +394,60 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(tolerant, at_the_table, tr
     assert tolerant.remaining_clearance(again, seen).minimum >= tolerant.params.clearance.start
 
 
+def reached(at_the_table, plan):
+    """What is observed once the arm is at the end of a plan."""
+    return replace(at_the_table, arm=ArmState(plan.joint_path[-1], np.zeros(5)))
+
+
+def test_the_arm_finds_back_to_where_it_started(tolerant, at_the_table, true_clearance):
+    plan = tolerant.check_reach(at_the_table)
+    back = tolerant.plan_return(plan, STAND[ARM], reached(at_the_table, plan))
+    assert (back.status, back.movement.origin) == (PlanStatus.CLEAR, Origin.RETURN)
+    np.testing.assert_array_equal(back.joint_path[0], plan.joint_path[-1])
+    np.testing.assert_allclose(back.joint_path[-1], STAND[ARM], atol=0.02)
+    points = in_torso(at_the_table.cloud, at_the_table.base_pose)
+    truth = min(true_clearance("right", q, points) for q in back.joint_path[::6])
+    assert truth >= tolerant.params.clearance.start - 1e-9
+
+
+def test_the_arm_does_not_go_back_through_what_came_in_between(tolerant, at_the_table):
+    plan = tolerant.check_reach(at_the_table)
+    there = reached(at_the_table, plan)
+    context = MODEL.create_context()
+    MODEL.plant.SetPositions(context, MODEL.positions(STAND, at_the_table.base_pose))
+    hand = MODEL.pose(context, "r_hand_effector").translation()
+    ball = hand + 0.03 * np.random.default_rng(0).standard_normal((60, 3))
+    blocked = replace(there, cloud=np.concatenate((TABLE, ball)))
+    assert tolerant.plan_return(plan, STAND[ARM], blocked).status != PlanStatus.CLEAR
+
+
+def test_without_adaptation_no_way_back_is_planned(right_primitive, at_the_table):
+    reactive = make_planner(right_primitive, make_coupling("barrier"), adapt=False)
+    plan = reactive.simulate_taught(at_the_table)
+    back = reactive.plan_return(plan, STAND[ARM], reached(at_the_table, plan))
+    assert back.status == PlanStatus.NO_CLEAR_PATH
+
+
+@pytest.mark.parametrize(
+    ("nearer", "later", "is_clear"),
+    [(0.002, 0.0, True), (0.002, 0.003, False), (0.006, 0.0, False), (-0.001, 0.002, False)],
+    ids=["leaves", "comes nearer", "is too near", "was clear"],
+)
+def test_an_arm_that_is_a_little_too_near_the_own_body_may_leave(
+    planner, monkeypatch, nearer, later, is_clear
+):
+    plan = stand(planner, object_at())
+    lowest = planner.params.hanging_clearance - nearer
+
+    def near(self, q, within=np.inf):
+        is_first = np.all(q == STAND[ARM], axis=1)
+        return np.where(is_first, lowest, lowest - later)
+
+    monkeypatch.setattr(ArmCollisionChecker, "self_distances", near)
+    again = planner.simulate_taught(observed(plan.base_pose, object_at()))
+    assert (again.status == PlanStatus.CLEAR) == is_clear
+
+
 NOBODY = np.zeros((0, 3))
 
 
