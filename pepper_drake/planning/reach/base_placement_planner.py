@@ -105,11 +105,12 @@ class BasePlacementPlanner:
         return free
 
     def standing_field(self, observation: Observation) -> PointCloudDistance:
-        """Returns distances to the obstacles, extended to the floor where that is hidden."""
+        """Returns distances to obstacles, to the floor where it is hidden, and the goal object."""
         params, obstacles = self._evaluator.params, observation.obstacles
         if observation.space is not None and params.unseen.check_drive:
             hidden = observation.space.hidden_below(obstacles, params.unseen.cell)
             obstacles = np.concatenate((obstacles, hidden))
+        obstacles = np.concatenate((obstacles, self._evaluator.scenes.goal_surface(observation)))
         return PointCloudDistance(obstacles, extension=params.solid_depth)
 
     def _plans(

@@ -76,7 +76,8 @@ class PlanningSceneBuilder:
         margin = params.upper_body_clearance - params.hanging_clearance
         self._body = BodyShapes(model, arm, margin)
         self._head_layer = _head_layer(model, arm, margin, -params.self_clearance)
-        self._goal_object = PointCloudDistance(sample_surface(goal_solids), extension=0.0)
+        self._goal_surface = sample_surface(goal_solids)
+        self._goal_object = PointCloudDistance(self._goal_surface, extension=0.0)
         self._goal_radius = max((solid.width for solid in goal_solids), default=0.0)
         self._arm_in_body = body_indices(arm_joints(arm))
         self._sampled = lru_cache(maxsize=32)(self._sample)
@@ -94,6 +95,11 @@ class PlanningSceneBuilder:
         positions = model.positions(np.frombuffer(joints), np.array(base_pose))
         model.plant.SetPositions(context, positions)
         return model.pose(context, "torso")
+
+    def goal_surface(self, observation: Observation) -> Vector:
+        """Returns points (N, 3) of the goal object's surface in W [m]."""
+        X_WO = observation.X_WO
+        return self._goal_surface @ X_WO.rotation().matrix().T + X_WO.translation()
 
     def obstacle_field(self, observation: Observation) -> PointCloudDistance:
         """Returns distances to the cloud and to the unseen part of the support surface, in W.

@@ -224,8 +224,8 @@ class ReachEvaluator:
         ):
             status = PlanStatus.TURNED_AWAY
             message = (
-                f"the hand's axis would be {np.degrees(turned):.0f} degrees off, more than the "
-                "scene allows (goal.pre_grasp.tolerance)"
+                f"the hand's axis would be {np.degrees(turned):.0f} degrees off, too much for the "
+                "scene (goal.pre_grasp.tolerance)"
             )
         return ReachPlan(
             status,
@@ -269,4 +269,4 @@ class ReachEvaluator:
         """
         R_TG = (scene.X_TO @ self.demonstrated.X_OG).rotation().matrix()
         error = float(axis_error(R_TH, R_TG, self._axis.direction)[0])
-        return error if error > self._axis.tolerance else 0.0
+        return error if error > self._axis.tolerance - self.params.turn_error else 0.0

@@ -142,6 +142,9 @@ class ReachPlannerParams:
     """Settling time of the simulated movement after its end, in units of tau."""
     still_speed: float = 0.02
     """Joint speed below which the simulated arm counts as at rest at its goal [rad/s]."""
+    turn_error: float = 0.01
+    """Margin that an adapted movement keeps to the scene's tolerance of the hand's axis [rad]: what
+    estimating the goal and following the movement cost."""
     rest_fraction: float = 0.06
     """Fraction of an adapted movement for which it rests at its end: there the forcing term learns
     to be zero; otherwise its remainder would move the hand about at the goal."""

@@ -26,7 +26,9 @@ ORIGIN = np.zeros(3)
 ARM = body_indices(arm_joints("right"))
 
 
-def make_planner(primitive, coupling, X_OM=None, axis=None, marker_size=0.0, **params):
+def make_planner(
+    primitive, coupling, X_OM=None, axis=None, marker_size=0.0, goal_solids=(), **params
+):
     return ReachPlanner(
         primitive,
         ReachTask(
@@ -37,6 +39,7 @@ def make_planner(primitive, coupling, X_OM=None, axis=None, marker_size=0.0, **p
             ik=DifferentialIkParams(),
             params=ReachPlannerParams(**params),
             image_period=0.2,
+            goal_solids=goal_solids,
             X_OM=X_OM,
             marker_size=marker_size,
             axis=axis or GoalAxis(),

@@ -2,6 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydrake.geometry import Box
+from pydrake.math import RigidTransform
 from scipy.optimize import brentq
 
 from pepper_drake.diagrams.factory import make_coupling
@@ -11,6 +13,7 @@ from pepper_drake.perception.gaze.head_aiming import camera_pose
 from pepper_drake.perception.gaze.view_planning import head_grid
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.seen_space import SeenSpace
+from pepper_drake.perception.mapping.solids import Solid, sample_surface
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.reach.planning_scene import PlanningSceneBuilder
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
@@ -134,3 +137,17 @@ def test_a_robot_that_stands_too_near_may_leave_but_comes_no_nearer(right_primit
     assert planner.check_drive(away, before_wall(near)).status == PlanStatus.CLEAR
     blocked = planner.check_drive(away, before_wall(near, post))
     assert blocked.status == PlanStatus.NO_STANDING_ROOM
+
+
+def test_the_robot_does_not_stand_where_its_body_would_touch_the_goal_object(right_primitive):
+    """Its tablet pressed against a marker that stood out towards it."""
+    coupling = make_coupling("barrier")
+    there = stand(make_planner(right_primitive, coupling), object_at()).base_pose
+    p_OS = np.array([there[0] + 0.19, there[1], 0.8]) - object_at().translation()
+    plate = Solid(Box(0.02, 0.1, 0.1), RigidTransform(p_OS))
+    planner = make_planner(right_primitive, coupling, goal_solids=[plate])
+    place = stand(planner, object_at()).base_pose
+    field = PointCloudDistance((object_at() @ sample_surface([plate]).T).T, extension=0.0)
+    body = planner.base_placement.body_clearances
+    assert body(there[None], STAND, field, 1.0)[0] < 0.0
+    assert body(place[None], STAND, field, 1.0)[0] >= planner.params.body_clearance

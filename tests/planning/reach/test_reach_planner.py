@@ -21,6 +21,7 @@ from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.ik.goal_configurations import axis_error
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_parameters import GoalTolerances, ReachPlannerParams
@@ -397,6 +398,24 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(tolerant, at_the_table, tr
 def reached(at_the_table, plan):
     """What is observed once the arm is at the end of a plan."""
     return replace(at_the_table, arm=ArmState(plan.joint_path[-1], np.zeros(5)))
+
+
+def test_an_adapted_movement_keeps_a_margin_to_the_tolerance_of_the_hands_axis(
+    right_primitive, tolerant, at_the_table
+):
+    """A hand planned a tenth of a degree within it ended a tenth beyond."""
+    turned = tolerant.check_reach(at_the_table)
+    R_TH = arm_kinematics(MODEL, "right").poses(turned.joint_path[-1:]).hand_rotation
+    X_TO = tolerant._evaluator.scenes(at_the_table).X_TO
+    R_TG = (X_TO @ tolerant.demonstrated.X_OG).rotation().matrix()
+    error = float(axis_error(R_TH, R_TG, GoalAxis().direction)[0])
+    margin = tolerant.params.turn_error
+    for tolerance, is_turned_away in ((error + 1.1 * margin, False), (error + 0.9 * margin, True)):
+        axis = GoalAxis(tolerance=tolerance)
+        one = make_planner(right_primitive, make_coupling("barrier"), axis=axis)
+        scene = one._evaluator.scenes(at_the_table)
+        status = one._evaluator.evaluate(scene, turned.movement).status
+        assert (status == PlanStatus.TURNED_AWAY) == is_turned_away
 
 
 def test_the_arm_finds_back_to_where_it_started(tolerant, at_the_table, true_clearance):
