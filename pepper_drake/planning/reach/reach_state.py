@@ -97,6 +97,7 @@ class ReachState:
         performed: Progress of the movement, as time at full speed [s].
         stale: Space ahead that was not seen recently, its time measured like `performed`.
         slowed: Time lost by slowing down, in all movements [s].
+        held: Total time spent at the goal before it moved on, or something came [s].
         waited: Total time spent waiting for obstacles to leave [s].
         blind: Total time spent waiting for depth images [s].
         may_drive: Whether the base may be sent to another base placement.
@@ -136,6 +137,7 @@ class ReachState:
     performed: float = 0.0
     stale: StaleSpace = field(default_factory=StaleSpace)
     slowed: float = 0.0
+    held: float = 0.0
     waited: float = 0.0
     blind: float = 0.0
     may_drive: bool = True

@@ -103,7 +103,8 @@ class _Supervision(DriveSupervision):
             return state.fail(time, "cloud_missing", self._observation.cloud_message)
         if unsteady is not None:
             return state.fail(time, *unsteady)
-        longest = timing.reach_timeout + min(state.slowed, timing.max_slowdown_extension)
+        slowed = min(state.slowed, timing.max_slowdown_extension)
+        longest = timing.reach_timeout + slowed + state.held
         is_reaching = state.mode == ReachMode.REACHING and state.given_up is None
         if is_reaching and time - state.started > longest:
             message = f"the hand had not arrived {longest:.0f} s after the arm started"
@@ -145,6 +146,8 @@ class _Supervision(DriveSupervision):
                 return state.fail(time, "plan_invalid", invalid)
         if result.effect == Effect.MOVEMENT:
             moving = state.to(ReachMode.REACHING, time)
+            if state.mode == ReachMode.HOLDING:
+                moving = replace(moving, held=state.held + time - state.since)
             if result.suspended_plan is None:
                 moving = replace(moving, given_up=None)
             return moving.with_plan(plan, time, result.suspended_plan)
@@ -258,14 +261,17 @@ class _Supervision(DriveSupervision):
             if time - state.still_since >= timing.dwell - ROUNDING:
                 return state.to(ReachMode.HOLDING, time)
             return state
-        # A goal that moves on while the hand is there is followed for tau.
-        if elapsed > timing.movement_timeout_ratio * tau and time - state.since > tau:
+        if elapsed > timing.movement_timeout_ratio * tau:
             if error <= tolerance.accept:
                 return state.to(ReachMode.HOLDING, time)
-            message = f"the hand stayed {1000 * error:.0f} mm from its goal"
-            failed = self._fail(state, "not_reached", message)
-            return self._returning(state, failed) or failed
+            return self._not_reached(state, error)
         return state if np.isnan(state.still_since) else replace(state, still_since=np.nan)
+
+    def _not_reached(self, state: ReachState, error: float) -> ReachState:
+        """Gives up a goal that the hand stays off by some distance [m]."""
+        message = f"the hand stayed {1000 * error:.0f} mm from its goal"
+        failed = self._fail(state, "not_reached", message)
+        return self._returning(state, failed) or failed
 
     def _wait(self, state: ReachState, suspended: ReachPlan) -> ReachState:
         """Waits for the path to become clear; at last the robot drives elsewhere."""
@@ -294,15 +300,17 @@ class _Supervision(DriveSupervision):
             failed: That of a robot that gives up.
 
         Returns:
-            None if the robot may not drive, if that would not help, or if no path leads back.
+            None if the robot may not drive, if that would not help, if the arm's path is not known,
+            or if none leads back.
         """
         if state.given_up is not None:
             return state
-        first, reach = state.started_with, state.suspended_plan or state.plan
+        first, plan = state.started_with, state.plan
         helps = failed.reason in (PlanStatus.NO_CLEAR_PATH.value, "goal_moved")
         may_drive = self._may_drive(state) and state.places < self._timing.max_base_placements
-        if not helps or not may_drive or first is None or reach is None:
+        if not helps or not may_drive or first is None or plan is None or plan.joint_path is None:
             return None
+        reach = state.suspended_plan or plan
         # A retreat that has not begun is not needed; a brake is.
         state = replace(
             state, pending=tuple(one for one in state.pending if one.effect == Effect.BRAKE)
@@ -335,14 +343,16 @@ class _Supervision(DriveSupervision):
         """Holds until the goal is seen again, then ends; retreats from obstacles."""
         state, timing = self._pace(self._look_ahead(state)), self._timing
         held, age = self._time - state.since, self._observation.goal_age
-        if self._observation.goal_distance > self._planner.params.tolerance.followed:
-            return state.to(ReachMode.REACHING, self._time)  # The goal has moved on.
         if state.braking or state.is_planning or held < timing.holding - ROUNDING:
             return state
-        if age <= timing.goal_confirmed:
+        error = self._observation.goal_distance
+        is_there = error <= self._planner.params.tolerance.followed
+        if is_there and age <= timing.goal_confirmed:
             return state.to(ReachMode.DONE, self._time)
         if held < timing.holding + timing.confirmation_timeout and age <= timing.goal_lost:
-            return state
+            return state  # The goal may be seen again, or the hand follow it.
+        if not is_there:
+            return self._not_reached(state, error)
         message = f"the hand is where the goal was last seen, {age:.1f} s ago"
         done = state.to(ReachMode.DONE, self._time)
         return replace(done, reason=UNCONFIRMED, message=message)

@@ -19,6 +19,7 @@ from tests.planning.reach.scripted_planner import (
     STAND,
     TIMING,
     X_WO,
+    ScriptedPlanner,
     Supervised,
     on_its_way,
     path_plan,
@@ -149,6 +150,12 @@ def test_a_robot_without_a_way_back_stays(start):
     assert one.state.waited == pytest.approx(TIMING.blocked_timeout, abs=0.1)
 
 
+def test_a_robot_whose_path_was_not_checked_stays():
+    one = Supervised().set(hand_position=P_TG).until(ReachMode.HOLDING)
+    one.set(X_WO=FAR, goal_position=P_TG + [0.0, 0.3, 0.0]).failed("goal_moved", limit=30.0)
+    assert "plan_return" not in one.planner.questions()
+
+
 def test_a_robot_that_may_not_drive_stays():
     one = waiting()
     one.state = replace(one.state, may_drive=False)
@@ -222,9 +229,29 @@ def at_the_goal(**changes) -> Supervised:
 
 def test_a_goal_that_shows_elsewhere_while_the_hand_holds_is_not_reached():
     one = at_the_goal(goal_age=TIMING.goal_confirmed + 0.3).advance(2.0)
-    one.set(goal_age=0.0, X_WO=FAR, goal_position=P_TG + [0.0, 0.3, 0.0]).step()
-    assert one.state.mode == ReachMode.REACHING
+    one.set(goal_age=0.0, X_WO=FAR, goal_position=P_TG + [0.0, 0.3, 0.0]).advance(1.0)
+    assert one.state.mode == ReachMode.HOLDING
     one.set(hand_position=P_TG + [0.0, 0.3, 0.0]).until(ReachMode.DONE)
+
+
+def test_a_goal_that_the_hand_does_not_follow_while_it_holds_is_gone_to():
+    one = Supervised(ScriptedPlanner(reach=path_plan())).set(hand_position=P_TG)
+    one.until(ReachMode.HOLDING)
+    one.set(X_WO=FAR, goal_position=P_TG + [0.0, 0.3, 0.0])
+    one.planner.home, one.planner.placement = RETURN, ELSEWHERE
+    one.planner.detour = one.planner.reach = NO_DETOUR
+    until_it_returns(one)
+    assert one.state.given_up[0] == "goal_moved"
+    assert "300 mm" in one.state.given_up[1]
+
+
+def test_the_time_at_the_goal_does_not_count_as_time_of_the_reach():
+    timing = replace(TIMING, holding=np.inf)
+    one = Supervised(ScriptedPlanner(reach=path_plan()), timing)
+    one.set(hand_position=P_TG).until(ReachMode.HOLDING).advance(TIMING.reach_timeout + 5.0)
+    one.planner.ahead = 0.0
+    one.set(hand_position=np.zeros(3)).until(ReachMode.REACHING, limit=60.0).advance(2.0)
+    assert one.state.mode == ReachMode.REACHING
 
 
 def test_a_hand_that_is_off_by_less_than_is_followed_holds_on():
