@@ -28,7 +28,7 @@ ALLOWED = {
     "diagrams/factory.py": {"numeric": "SHORTEST_PATH"},
     "diagrams/head_perception.py": {"sentinel": "_EVER"},
     "diagrams/marker_teaching.py": {"offline": "OUT_OF_REACH"},
-    "diagrams/reach_simulation.py": {"offline": "_AFTERMATH _LONGEST"},
+    "diagrams/reach_simulation.py": {"offline": "_AFTERMATH"},
     "diagrams/recording.py": {"offline": "_SLICE", "numeric": "_EPSILON"},
     "diagrams/reproduction_simulation.py": {
         "offline": "_SLICE _REST_SPEED LONGEST _LIMIT_TOLERANCE"

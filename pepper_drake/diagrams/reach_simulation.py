@@ -40,8 +40,6 @@ Vector = npt.NDArray[np.float64]
 
 _AFTERMATH = 1.5
 """Simulated time after a failure, to measure how the robot stops [s]."""
-_LONGEST = 60.0
-"""Timeout of a reach, in simulated time [s]."""
 
 
 @dataclass
@@ -90,7 +88,7 @@ class ReachSimulation:
         self.simulator = Simulator(system)
         self.simulator.set_target_realtime_rate(1.0 if options.realtime else 0.0)
         self._fault = ""
-        self._longest = _LONGEST * (1 + len(reaching.config.tasks))
+        self._longest = reaching.config.timing.longest * (1 + len(reaching.config.tasks))
         self._is_over = False
         self._true_rows: list[list[float]] = []
         self._cloud_W: Vector = np.zeros((0, 3))

@@ -29,18 +29,14 @@ class RunEnd:
     is_over: bool = True
 
 
-def judge(report: ReachReport, end: RunEnd, limits: GoalTolerances, longest: float) -> None:
-    """Fills in outcome and reason, first as the robot reports them, then by ground truth.
+def judge_by_robot(report: ReachReport, end: RunEnd, longest: float) -> None:
+    """Fills in outcome and reason as the robot itself reports them.
 
     Args:
-        report: The measured run, which is changed.
+        report: The run, which is changed.
         end: How it ended.
-        limits: Tolerances of the hand's position and of the force on the goal object.
         longest: Timeout of the run [s].
     """
-    turned = float(report.final_axis_error or 0.0)
-    may_turn = np.inf if report.axis_tolerance is None else report.axis_tolerance
-    touched = f"a link touched an obstacle ({report.closest_pair})"
     if end.fault:
         report.reason, report.message = "simulation_failed", end.fault
     elif end.mode == ReachMode.FAILED:
@@ -53,31 +49,53 @@ def judge(report: ReachReport, end: RunEnd, limits: GoalTolerances, longest: flo
     elif end.mode != ReachMode.DONE:
         report.reason = "timeout"
         report.message = f"the reach was not over after {longest:g} s"
-    elif report.contacts:
-        report.reason = "touched"
-        report.message = touched
-    elif (force := report.goal_force or 0.0) > limits.force:
-        report.reason = "goal_pushed"
-        report.message = (
-            f"the goal object was pushed with {force:.0f} N, more than "
-            f"{limits.force:g} N (planner.tolerance.force)"
-        )
-    elif report.final_position_error is None or any(
-        task.final_position_error > limits.accept for task in report.tasks
-    ):
-        report.reason = "not_at_goal"
-        report.message = "the hand is farther from the true goal than the robot believes"
-        if end.reason == UNCONFIRMED:
-            report.message = f"{end.message}, and the goal is elsewhere by now"
-    elif turned > may_turn:
-        report.reason = "turned_away"
-        report.message = (
-            f"the hand's axis is {np.degrees(turned):.0f} degrees off, more than the scene allows "
-            "(goal.pre_grasp.tolerance)"
-        )
     elif end.reason == UNCONFIRMED:
         report.outcome, report.reason, report.message = UNCONFIRMED, end.reason, end.message
     else:
         report.outcome = "reached"
+
+
+def judge(report: ReachReport, end: RunEnd, limits: GoalTolerances, longest: float) -> None:
+    """Fills in outcome and reason, first as the robot reports them, then by ground truth.
+
+    Args:
+        report: The measured run, which is changed.
+        end: How it ended.
+        limits: Tolerances of the hand's position and of the force on the goal object.
+        longest: Timeout of the run [s].
+    """
+    judge_by_robot(report, end, longest)
+    touched = f"a link touched an obstacle ({report.closest_pair})"
+    if end.mode == ReachMode.DONE and not end.fault:
+        wrong = _untrue(report, end, limits, touched)
+        if wrong is not None:
+            report.outcome, (report.reason, report.message) = "failed", wrong
     if report.contacts and report.reason != "touched":
         report.message = f"{report.message}; {touched}" if report.message else touched
+
+
+def _untrue(
+    report: ReachReport, end: RunEnd, limits: GoalTolerances, touched: str
+) -> tuple[str, str] | None:
+    """Returns reason and sentence of what is wrong where the robot takes itself to be done."""
+    turned = float(report.final_axis_error or 0.0)
+    may_turn = np.inf if report.axis_tolerance is None else report.axis_tolerance
+    if report.contacts:
+        return "touched", touched
+    if (force := report.goal_force or 0.0) > limits.force:
+        return "goal_pushed", (
+            f"the goal object was pushed with {force:.0f} N, more than "
+            f"{limits.force:g} N (planner.tolerance.force)"
+        )
+    if report.final_position_error is None or any(
+        task.final_position_error > limits.accept for task in report.tasks
+    ):
+        if end.reason == UNCONFIRMED:
+            return "not_at_goal", f"{end.message}, and it is not there"
+        return "not_at_goal", "the hand is farther from the true goal than the robot believes"
+    if turned > may_turn:
+        return "turned_away", (
+            f"the hand's axis is {np.degrees(turned):.0f} degrees off, more than the scene allows "
+            "(goal.pre_grasp.tolerance)"
+        )
+    return None

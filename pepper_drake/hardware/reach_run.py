@@ -10,6 +10,7 @@ from pydrake.systems.analysis import Simulator
 
 from pepper_drake.diagrams.reaching import Reaching
 from pepper_drake.diagrams.reaching_config import ReachingConfig
+from pepper_drake.diagrams.verdict import RunEnd, judge_by_robot
 from pepper_drake.hardware.link_fault import LINK_FAULTS
 from pepper_drake.hardware.paced_run import Pacing
 from pepper_drake.hardware.robot_run import HardwareRun, RobotRun
@@ -22,8 +23,6 @@ from pepper_drake.results.reach_report import ReachReport
 
 Vector = npt.NDArray[np.float64]
 
-LONGEST = 120.0
-"""Timeout of a reach [s]."""
 _LOG_PERIOD = 0.02
 _LOGGED = (
     "joint_position",
@@ -155,7 +154,8 @@ class _Progress:
             self._mode = mode
             self._run.say(f"{self._seconds():6.2f} s  {mode.name.lower()}")
         is_done = mode == ReachMode.DONE and self._is_finished()
-        return is_done or mode == ReachMode.FAILED or self._seconds() > LONGEST
+        longest = self._reaching.config.timing.longest
+        return is_done or mode == ReachMode.FAILED or self._seconds() > longest
 
     def _is_finished(self) -> bool:
         """Returns whether all tasks are done."""
@@ -202,15 +202,14 @@ class _Progress:
             report.believed_position_error = float(np.linalg.norm(last))
         if robot.fault is not None:
             report.reason, report.message = robot.fault.word, str(robot.fault)
-        elif self._mode == ReachMode.DONE and self._is_finished():
-            # By the robot's own estimate: the object's true position was not measured.
-            report.outcome = "reached"
-        elif self._mode == ReachMode.FAILED:
-            report.reason, report.message = progress.reason, progress.message
-        elif robot.is_stopped:
-            report.reason = "interrupted"
-            report.message = f"the run was ended at {self._seconds():.1f} s"
-        else:
-            report.reason = "timeout"
-            report.message = f"the reach was not over after {LONGEST:g} s"
+            return report
+        # By the robot's own estimate: the object's true position was not measured.
+        is_done = self._mode != ReachMode.DONE or self._is_finished()
+        end = RunEnd(
+            self._mode if is_done else ReachMode.HOLDING,
+            progress.reason,
+            progress.message,
+            is_over=not robot.is_stopped,
+        )
+        judge_by_robot(report, end, reaching.config.timing.longest)
         return report

@@ -62,7 +62,7 @@ def test_a_touch_is_reported_whatever_else_failed(mode, reason):
             {"tasks": [TaskOutcome(final_position_error=0.2)]},
             "failed",
             "not_at_goal",
-            "seen 9 s ago, and the goal is elsewhere by now",
+            "seen 9 s ago, and it is not there",
         ),
         (
             RunEnd(ReachMode.DONE),

@@ -63,6 +63,9 @@ class GazeParams:
     lead_time: float = 1.0
     """Longest time since the last sighting for which a moving object is thought to have kept its
     velocity [s]; after it, it is searched for along its motion."""
+    turn_speed: float = 0.05
+    """Speed of the head that follows it below which an object moves along the line of sight
+    [rad/s]."""
     centering_age: float = 1.6
     """Age of the last sighting at which a scan ends and the object is centred [s]."""
     scan_age: float = 0.35

@@ -248,10 +248,14 @@ class GazePolicy:
         return is_fast and (now.scan_enabled or now.look_at is None)
 
     def _motion(self, camera: HeadCamera, now: GazeObservation, p_TP: Vector) -> Vector:
-        """Returns how the head turns to follow the object (2,), the larger of both angles one."""
+        """Returns how the head turns to follow the object (2,), the larger of both angles one.
+
+        An object that moves along the line of sight is looked for higher and lower.
+        """
         later = p_TP + self._time_step * now.X_WT.rotation().inverse().multiply(now.velocity)
-        turn = aim_head(camera, later) - aim_head(camera, p_TP)
-        return np.asarray(turn / max(np.abs(turn).max(), 1e-9))
+        turn = (aim_head(camera, later) - aim_head(camera, p_TP)) / self._time_step
+        fastest = np.abs(turn).max()
+        return np.asarray(turn / fastest) if fastest > self._params.turn_speed else _UP
 
     def _aim(
         self, state: GazeState, now: GazeObservation, p_TP: Vector, moves: bool

@@ -182,7 +182,7 @@ class ReachEvaluator:
             allowance: By how much the clearance may fall short [m].
         """
         params, arm = self.params, scene.arm
-        X_TG = scene.X_TO @ movement.X_OG
+        X_TG = movement.hand_goal(scene.X_TO)
         collision_checked = params.collision_checked and movement.coupling is not None
         simulated = movement if collision_checked else replace(movement, coupling=None)
         hand = self._simulator.roll_out(simulated, arm, X_TG, scene.field)
@@ -202,7 +202,7 @@ class ReachEvaluator:
         elif behind > params.following.plan:
             status = PlanStatus.CANNOT_FOLLOW
             message = f"the hand would fall {1000 * behind:.0f} mm behind its movement"
-        elif self._hits_body(along(near_body, below=params.hanging_clearance)):
+        elif self._hits_body(along(near_body, below=params.hanging_clearance), movement.origin):
             status = PlanStatus.SELF_COLLISION
             message = "the arm would run into the robot's own body"
         elif collision_checked and clearance < params.clearance.start - allowance:
@@ -224,8 +224,8 @@ class ReachEvaluator:
         ):
             status = PlanStatus.TURNED_AWAY
             message = (
-                f"the hand's axis would be {np.degrees(turned):.0f} degrees off, too much for the "
-                "scene (goal.pre_grasp.tolerance)"
+                f"the hand's axis would be {np.degrees(turned):.1f} degrees off, more than "
+                f"{np.degrees(self._largest_turn):.1f} (goal.pre_grasp.tolerance less a margin)"
             )
         return ReachPlan(
             status,
@@ -255,12 +255,19 @@ class ReachEvaluator:
         message = f"no clear path to the goal was found; as it was demonstrated, {refused.message}"
         return replace(refused, status=PlanStatus.NO_CLEAR_PATH, message=message)
 
-    def _hits_body(self, own: PathDistances) -> bool:
-        """True if distances to the own body are too small, by more than at the first posture."""
-        params = self.params
-        lacks = params.hanging_clearance - own.distances[0]
-        allowed = lacks if 0.0 < lacks <= params.body_clearance_allowance else 0.0
-        return own.minimum < params.hanging_clearance - allowed
+    def _hits_body(self, own: PathDistances, origin: Origin) -> bool:
+        """True if distances to the own body are too small.
+
+        An arm on its way that is a little too near may leave: it comes no nearer, and ends clear.
+        """
+        params, needed = self.params, self.params.hanging_clearance
+        lacks = needed - own.distances[0]
+        may_leave = (
+            origin in (Origin.DETOUR, Origin.RETREAT, Origin.RETURN)
+            and 0.0 < lacks <= params.body_clearance_allowance
+            and own.distances[-1] >= needed
+        )
+        return own.minimum < (own.distances[0] if may_leave else needed)
 
     def _turned_away(self, scene: PlanningScene, R_TH: Vector) -> float:
         """Returns the error of the task axis of a hand (1, 3, 3) if it is too large, else 0 [rad].
@@ -269,4 +276,10 @@ class ReachEvaluator:
         """
         R_TG = (scene.X_TO @ self.demonstrated.X_OG).rotation().matrix()
         error = float(axis_error(R_TH, R_TG, self._axis.direction)[0])
-        return error if error > self._axis.tolerance - self.params.turn_error else 0.0
+        return error if error > self._largest_turn else 0.0
+
+    @property
+    def _largest_turn(self) -> float:
+        """Largest error of the task axis that plans have [rad]."""
+        tolerance = self._axis.tolerance
+        return tolerance - min(self.params.turn_error, 0.5 * tolerance)

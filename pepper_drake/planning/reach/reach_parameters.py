@@ -134,8 +134,8 @@ class ReachPlannerParams:
     """Clearance of the arm to torso, tablet, other arm, and the head at any angle [m]: the tracking
     error at 0.5 m/s."""
     body_clearance_allowance: float = 0.004
-    """Clearance to the own body that an arm on its way may lack [m]: the tracking error at 0.5 m/s.
-    Such an arm may move on, but no nearer."""
+    """Clearance to the own body that an arm on its way may lack as a detour, a retreat or a return
+    begins [m]: the tracking error at 0.5 m/s. It comes no nearer, and ends clear."""
     solid_depth: float = 0.03
     """Thickness that is assumed below each point of the cloud [m]: that of a table top."""
     settle: float = 0.4
@@ -241,6 +241,9 @@ class ReachTiming:
     head searches the table for a goal that was taken elsewhere."""
     max_base_placements: int = 3
     """Largest number of base placements that are driven to, if the reach is not clear there."""
+    longest: float = 120.0
+    """Longest time of a reach, or of a task after it, from the beginning to the end [s]: two drives
+    elsewhere, each after the longest wait. A run that is not over then is ended."""
     dwell: float = 0.2
     """Time for which the hand must stay within its tolerance to have arrived [s]."""
     holding: float = 1.0
@@ -248,12 +251,15 @@ class ReachTiming:
     movement_timeout_ratio: float = 2.5
     """Longest duration of one movement, in units of tau."""
     reach_timeout: float = 35.0
-    """Longest time from the arm's first start to its arrival, replanning included [s]."""
+    """Longest time from the arm's start to its arrival, replanning included [s]."""
     max_slowdown_extension: float = 25.0
     """Largest extension of `reach_timeout` for slowing down [s]: time to pass 1 m along a
     stationary obstacle, at 0.04 m/s."""
     blocked_timeout: float = 20.0
     """Longest time for which the arm waits for obstacles to leave, summed over its retreats [s]."""
+    return_timeout: float = 20.0
+    """Longest time for the arm to find back to its first posture, before the robot drives elsewhere
+    [s]: half a metre at the speed of narrow places takes 12."""
     detour_delay: float = 4.0
     """Time for which the arm waits for a new obstacle to leave before a detour is planned [s]."""
     gentle_duration: float = 4.0

@@ -47,7 +47,7 @@ class Pending:
         effect: Its effect.
         plan: The resulting plan, if any.
         observation: The observation behind the plan, if it is to be stored or compared.
-        suspended_plan: For a retreat, the plan to resume later.
+        suspended_plan: For a retreat or a return, the plan that may be resumed.
         look_at: The place at which to look (3,) in W [m].
     """
 
@@ -75,6 +75,7 @@ class ReachState:
         reason: Name of the failure, or of an unconfirmed success; "" for none.
         message: The same as a sentence; while the arm waits, what it could not see, if anything.
         still_since: When the hand arrived at the goal [s]; NaN while it is not there.
+        off_since: When the goal was seen to have left a hand that holds [s]; NaN while it has not.
         places: Number of base placements chosen so far.
         placement: The last base placement, with the movement that was found for it. While the
             robot looks for the goal: one whose drive would sweep unseen space.
@@ -90,19 +91,22 @@ class ReachState:
         hanging: (N, 3) points in `started_with` of things that hang in the air near the goal, in
             W [m].
         waits_with: The observation with which the arm retreated or last searched for a detour.
-        suspended_plan: The plan to resume after a retreat; None if the arm has not retreated.
+        suspended_plan: The plan to resume after a retreat, or instead of a return; None on a way to
+            the goal.
         arrived: When the base last arrived [s].
-        started: When the arm first started [s].
+        started: When the arm first started from the present base pose [s].
         speed: Time scaling of the movement: 1 at full speed.
         performed: Progress of the movement, as time at full speed [s].
         stale: Space ahead that was not seen recently, its time measured like `performed`.
-        slowed: Time lost by slowing down, in all movements [s].
-        held: Total time spent at the goal before it moved on, or something came [s].
-        waited: Total time spent waiting for obstacles to leave [s].
-        blind: Total time spent waiting for depth images [s].
+        slowed: Time lost by slowing down, in all movements since `started` [s].
+        held: Time since the start that is not counted as time of the reach [s]: at the goal before
+            it moved on or something came, and on a return that was not completed.
+        waited: Time spent waiting for obstacles to leave since `started` [s].
+        blind: Time spent waiting for depth images at this base pose and on the drive to it [s].
         may_drive: Whether the base may be sent to another base placement.
         given_up: Reason and sentence of why the goal is not reached from the present base pose: the
             arm returns to its first posture, and the robot drives elsewhere. None if it does not.
+        given_up_at: When that was decided [s].
         look_at: Gaze target in W [m]: space to be swept that was not seen, or not recently, or the
             obstacle that blocks the path; NaN for none.
         steadiness: Steadiness of the measurements since the arm started.
@@ -119,6 +123,7 @@ class ReachState:
     reason: str = ""
     message: str = ""
     still_since: float = np.nan
+    off_since: float = np.nan
     places: int = 0
     placement: ReachPlan | None = None
     plan: ReachPlan | None = None
@@ -142,6 +147,7 @@ class ReachState:
     blind: float = 0.0
     may_drive: bool = True
     given_up: tuple[str, str] | None = None
+    given_up_at: float = np.nan
     look_at: tuple[float, float, float] = NOWHERE
     steadiness: Steadiness = field(default_factory=Steadiness)
     pending: tuple[Pending, ...] = ()
@@ -212,7 +218,7 @@ class ReachState:
 
     def to(self, mode: ReachMode, time: float) -> "ReachState":
         """Returns the state in another mode from now on."""
-        return replace(self, mode=mode, since=time, still_since=np.nan)
+        return replace(self, mode=mode, since=time, still_since=np.nan, off_since=np.nan)
 
     def later(self, pending: Pending) -> "ReachState":
         """Returns the state with one more pending result."""
@@ -239,10 +245,9 @@ class ReachState:
         )
 
     def anew(self, time: float) -> "ReachState":
-        """Returns the state of a robot that looks for another base placement from now on."""
+        """Returns the state of a robot that looks for goal and base placement from now on."""
         return ReachState(
             since=time,
-            goal_seen_since=self.goal_seen_since,
             base_pose_wanted=self.base_pose_wanted,
             hip_pitch_wanted=self.hip_pitch_wanted,
             places=self.places,

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from pepper_drake.planning.reach.drive_supervision import ROUNDING, DriveSupervision
-from pepper_drake.planning.reach.movement_origin import Origin
+from pepper_drake.planning.reach.drive_supervision import ROUNDING
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import NOWHERE, RESTS, Effect, Pending, ReachState
-from pepper_drake.planning.reach.replanner import ReachReplanner, leads_elsewhere
+from pepper_drake.planning.reach.replanner import leads_elsewhere
+from pepper_drake.planning.reach.return_supervision import ReturnSupervision
 from pepper_drake.planning.reach.separation import changed_speed, speed_fraction
 from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
 
@@ -30,8 +30,9 @@ def step(
 
     LOOKING (find the goal, look at the scene) → DRIVING (to a base placement) → SETTLING (stand,
     look again, check the reach) → REACHING → HOLDING → DONE; from each of them to FAILED, where the
-    arm holds still. From REACHING back to LOOKING if the goal is not reached from where the robot
-    stands: it drives to another base placement. Plans take effect after `timing.latency`.
+    arm holds still. From HOLDING back to REACHING when the goal moves on or something comes, and
+    from REACHING to LOOKING if the goal is not reached from where the robot stands: it drives to
+    another base placement. Plans take effect after `timing.latency`.
 
     Args:
         state: State before.
@@ -42,7 +43,7 @@ def step(
     if state.mode in RESTS:
         return state
     after = _step(state, observation, planner, timing)
-    return after if state.given_up is None else _with_first_reason(after, *state.given_up)
+    return after if state.has_started else _with_first_reason(after, state.given_up)
 
 
 def _step(
@@ -67,20 +68,16 @@ def _step(
     return state if handler is None else supervision.take_effect(handler(state))
 
 
-def _with_first_reason(state: ReachState, reason: str, message: str) -> ReachState:
+def _with_first_reason(state: ReachState, given_up: tuple[str, str] | None) -> ReachState:
     """Returns a state that, where no place is better, fails for why the robot looked for one."""
-    if state.mode != ReachMode.FAILED or state.reason not in set(PlanStatus):
+    if given_up is None or state.mode != ReachMode.FAILED or state.reason not in set(PlanStatus):
         return state
-    elsewhere = "" if state.message == message else f"; from elsewhere, {state.message}"
-    return replace(state, reason=reason, message=f"{message}{elsewhere}")
+    reason, message = given_up
+    return replace(state, reason=reason, message=f"{message}; from elsewhere, {state.message}")
 
 
-class _Supervision(DriveSupervision):
+class _Supervision(ReturnSupervision):
     """One step of the supervision, for one observation."""
-
-    def __init__(self, observation: Observation, planner: Planner, timing: ReachTiming) -> None:
-        super().__init__(observation, planner, timing)
-        self._replanner = ReachReplanner(planner, timing)
 
     def fault(self, state: ReachState) -> ReachState | None:
         """Returns the failed state if the reach cannot go on, else None."""
@@ -96,7 +93,8 @@ class _Supervision(DriveSupervision):
             return state.fail(time, unsteady[0], f"{unsteady[1]}; {sentence}")
         if state.mode == ReachMode.LOOKING:
             return None
-        if observation.goal_age > timing.goal_lost and state.mode != ReachMode.HOLDING:
+        may_be_unseen = state.mode == ReachMode.HOLDING or state.given_up is not None
+        if observation.goal_age > timing.goal_lost and not may_be_unseen:
             message = f"the goal's marker was not seen for {timing.goal_lost:g} s"
             return self._goal_unseen(state, "goal_lost", message)
         if observation.cloud_age > timing.cloud_lost:
@@ -145,11 +143,14 @@ class _Supervision(DriveSupervision):
             if (invalid := plan.invalid_reason(p_WO, farthest, params.tolerance.moved)) is not None:
                 return state.fail(time, "plan_invalid", invalid)
         if result.effect == Effect.MOVEMENT:
+            if plan.movement is None:
+                return state.fail(time, "plan_invalid", "the planner gave no movement to switch to")
             moving = state.to(ReachMode.REACHING, time)
             if state.mode == ReachMode.HOLDING:
                 moving = replace(moving, held=state.held + time - state.since)
-            if result.suspended_plan is None:
-                moving = replace(moving, given_up=None)
+            elif state.given_up is not None and result.suspended_plan is None:
+                held = state.held + time - state.given_up_at
+                moving = replace(moving, given_up=None, held=held)
             return moving.with_plan(plan, time, result.suspended_plan)
         if result.effect == Effect.CHECK:
             if plan.status == PlanStatus.CLEAR:
@@ -168,9 +169,6 @@ class _Supervision(DriveSupervision):
                 return self._place_base(state)
             return state.fail(time, plan.status.value, plan.message)
         return self.placed(state, plan)
-
-    def _may_drive(self, state: ReachState) -> bool:
-        return self._timing.drives and state.may_drive
 
     def _has_settled(self, state: ReachState) -> bool:
         return self._time - state.since >= self._timing.settling - ROUNDING
@@ -238,12 +236,14 @@ class _Supervision(DriveSupervision):
 
     def reach(self, state: ReachState) -> ReachState:
         """Checks and replans the movement until the hand has arrived."""
-        state = self._pace(self._look_ahead(state))
+        before, state = state, self._pace(self._look_ahead(state))
         timing, time = self._timing, self._time
+        if state.given_up is not None:
+            return self.go_back(state, state.given_up, before.cloud_time)
         tolerance, following = self._planner.params.tolerance, self._planner.params.following
         suspended = state.suspended_plan
         if suspended is not None:
-            return self._wait(state, suspended)
+            return self._wait(state, suspended, before.waits_with)
         if state.braking:
             return state
         elapsed, error, tau = (
@@ -270,89 +270,56 @@ class _Supervision(DriveSupervision):
     def _not_reached(self, state: ReachState, error: float) -> ReachState:
         """Gives up a goal that the hand stays off by some distance [m]."""
         message = f"the hand stayed {1000 * error:.0f} mm from its goal"
-        failed = self._fail(state, "not_reached", message)
-        return self._returning(state, failed) or failed
+        return self.give_up(state, self._fail(state, "not_reached", message))
 
-    def _wait(self, state: ReachState, suspended: ReachPlan) -> ReachState:
-        """Waits for the path to become clear; at last the robot drives elsewhere."""
-        timing, observation = self._timing, self._observation
+    def _wait(
+        self, state: ReachState, suspended: ReachPlan, waits_with: Observation | None
+    ) -> ReachState:
+        """Waits for the path to become clear; gives up at last.
+
+        Args:
+            state: The present state.
+            suspended: The plan to resume.
+            waits_with: The observation since which the arm waits, or with the last search.
+        """
+        timing, tolerance = self._timing, self._planner.params.tolerance
         state = replace(state, waited=state.waited + timing.time_step)
-        if state.given_up is not None:
-            return self._returned(state, state.given_up)
-        moved = leads_elsewhere(suspended, observation, self._planner.params.tolerance.jumped)
+        moved = leads_elsewhere(suspended, self._observation, tolerance.jumped)
         is_over = state.waited > timing.blocked_timeout
-        # A goal that has moved is not waited for, once no path to where it rests was found.
+        # A goal that has moved away and rests is not waited for, once no path to it was found.
         searched = state.checked == self._time >= state.since + timing.detour_delay
-        if not is_over and not (moved and searched):
+        rests = waits_with is not None and (
+            np.linalg.norm(self._observation.p_WO - waits_with.p_WO) <= tolerance.followed
+        )
+        if not is_over and not (moved and searched and rests):
             return state
         unseen = f": {state.message}" if state.message else ""
         message = f"something came in the way and has not gone{unseen}"
         if moved:
             message = "no clear path leads to it from here"
-        failed = self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message)
-        return self._returning(state, failed) or (failed if is_over else state)
-
-    def _returning(self, state: ReachState, failed: ReachState) -> ReachState | None:
-        """Returns the state of an arm that returns before the robot drives elsewhere.
-
-        Args:
-            state: The present state.
-            failed: That of a robot that gives up.
-
-        Returns:
-            None if the robot may not drive, if that would not help, if the arm's path is not known,
-            or if none leads back.
-        """
-        if state.given_up is not None:
-            return state
-        first, plan = state.started_with, state.plan
-        helps = failed.reason in (PlanStatus.NO_CLEAR_PATH.value, "goal_moved")
-        may_drive = self._may_drive(state) and state.places < self._timing.max_base_placements
-        if not helps or not may_drive or first is None or plan is None or plan.joint_path is None:
-            return None
-        reach = state.suspended_plan or plan
-        # A retreat that has not begun is not needed; a brake is.
-        state = replace(
-            state, pending=tuple(one for one in state.pending if one.effect == Effect.BRAKE)
-        )
-        start, due = self._replanner.predicted_start(state, self._observation)
-        way = self._planner.plan_return(
-            reach, first.arm.position, self._observation.with_arm(start)
-        )
-        if way.status == PlanStatus.NOT_SEEN and state.waited < (
-            self._timing.blocked_timeout + self._timing.unseen_timeout
-        ):
-            x, y, z = way.look_at
-            return replace(state, look_at=(x, y, z))
-        if way.status != PlanStatus.CLEAR:
-            return None
-        returning = replace(state, given_up=(failed.reason, failed.message))
-        return returning.later(Pending(due, Effect.MOVEMENT, way, self._observation, reach))
-
-    def _returned(self, state: ReachState, given_up: tuple[str, str]) -> ReachState:
-        """Looks for another base placement once the arm is back at rest in its first posture."""
-        if state.braking or state.is_planning or state.performed < self._observation.tau:
-            return state
-        if state.performed_origin != Origin.RETURN:
-            return state.fail(self._time, *given_up)
-        if np.abs(self._observation.arm.velocity).max() >= self._timing.at_rest:
-            return state
-        return self._place_base(state.anew(self._time))
+        after = self.give_up(state, self._fail(state, PlanStatus.NO_CLEAR_PATH.value, message))
+        return after if is_over or after.mode != ReachMode.FAILED else state
 
     def hold(self, state: ReachState) -> ReachState:
         """Holds until the goal is seen again, then ends; retreats from obstacles."""
-        state, timing = self._pace(self._look_ahead(state)), self._timing
-        held, age = self._time - state.since, self._observation.goal_age
-        if state.braking or state.is_planning or held < timing.holding - ROUNDING:
-            return state
+        before, timing, time = state, self._timing, self._time
+        state = self._pace(self._look_ahead(state))
+        if state.given_up is not None:
+            return self.go_back(state, state.given_up, before.cloud_time)
         error = self._observation.goal_distance
         is_there = error <= self._planner.params.tolerance.followed
-        if is_there and age <= timing.goal_confirmed:
-            return state.to(ReachMode.DONE, self._time)
+        if is_there != np.isnan(state.off_since):
+            state = replace(state, off_since=np.nan if is_there else time)
+        held, age = time - state.since, self._observation.goal_age
+        if state.braking or state.is_planning or held < timing.holding - ROUNDING:
+            return state
+        if not is_there:  # The hand follows, if it can.
+            is_slow = time - state.off_since > self._observation.tau
+            return self._not_reached(state, error) if is_slow else state
+        if age <= timing.goal_confirmed:
+            return state.to(ReachMode.DONE, time)
         if held < timing.holding + timing.confirmation_timeout and age <= timing.goal_lost:
-            return state  # The goal may be seen again, or the hand follow it.
-        if not is_there:
-            return self._not_reached(state, error)
+            return state
         message = f"the hand is where the goal was last seen, {age:.1f} s ago"
-        done = state.to(ReachMode.DONE, self._time)
+        done = state.to(ReachMode.DONE, time)
         return replace(done, reason=UNCONFIRMED, message=message)

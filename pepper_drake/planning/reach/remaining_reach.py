@@ -93,9 +93,8 @@ def _plan_along(
     X_TG = RigidTransform(
         RotationMatrix.ProjectToRotationMatrix(end.hand_rotation[0]), end.hand_position[0]
     )
-    X_OG = scene.X_TO.inverse() @ X_TG
     coupling = evaluator.coupling_along(scene, primitive)
-    return evaluator.evaluate(scene, Movement(primitive, coupling, X_OG, origin=origin))
+    return evaluator.evaluate(scene, Movement(primitive, coupling, origin=origin, X_TG=X_TG))
 
 
 def path_ahead(plan: ReachPlan, observation: Observation) -> Vector:

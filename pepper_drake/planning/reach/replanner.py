@@ -84,13 +84,15 @@ class ReachReplanner:
         is_under_way = state.suspended_plan is None
         reach = plan if state.suspended_plan is None else state.suspended_plan
         rest = self.planner.remaining_clearance(reach, seen)
-        if is_under_way:
+        returns = plan.movement is not None and plan.movement.origin == Origin.RETURN
+        if is_under_way or returns:
             # A new obstacle without a predicted motion is stationary.
             moving = new if len(observation.predicted_cloud) else new[:0]
             movable = np.concatenate((moving, state.hanging))
-            stale = self.planner.stale_space(reach, observation, new, movable)
+            stale = self.planner.stale_space(plan, observation, new, movable)
             # A narrow place slows the arm in the same way.
-            narrow = rest.time_below(self.planner.params.clearance.slow)
+            ahead = rest if is_under_way else self.planner.remaining_clearance(plan, seen)
+            narrow = ahead.time_below(self.planner.params.clearance.slow)
             stale = stale._replace(time=state.performed + min(stale.time, narrow))
             state = replace(state, look_at=stale.place, stale=stale)
         elif not state.braking:
@@ -109,7 +111,7 @@ class ReachReplanner:
             state = state.later(Pending(time + latency.check, Effect.BRAKE))
         if state.is_planning:
             return state
-        start, due = self.predicted_start(state, observation)
+        start, due = self._predicted_start(state, observation)
         # A moving obstacle is too uncertain to pass: the arm waits for it to leave.
         may_pass = is_under_way and not len(observation.predicted_cloud)
         if is_free or has_waited or may_pass:
@@ -130,6 +132,26 @@ class ReachReplanner:
         if state.suspended_plan is None or has_waited:
             state = replace(state, waits_with=observation)
         return self._retreat(state, plan, reach, seen.with_arm(start), due)
+
+    def plan_return(self, state: ReachState, observation: Observation) -> tuple[ReachPlan, float]:
+        """Returns a plan back to the posture of the arm's start, and when it takes effect [s].
+
+        It keeps clear of all that a retreat keeps clear of.
+        """
+        plan, first = state.plan, state.started_with
+        assert plan is not None
+        assert first is not None
+        start, due = self._predicted_start(state, observation)
+        seen = observation.with_cloud(self._with_hidden_sides(state, observation))
+        seen = self._with_former_places(state, seen).with_arm(start)
+        reach = state.suspended_plan or plan
+        return self.planner.plan_return(reach, first.arm.position, seen), due
+
+    def _with_former_places(self, state: ReachState, seen: Observation) -> Observation:
+        """Adds the obstacles of the last plan: one that has left its place may come back to it."""
+        if state.planned_with is None:
+            return seen
+        return seen.with_cloud(np.concatenate((seen.cloud, state.planned_with.cloud)))
 
     def _new_obstacle(self, state: ReachState, observation: Observation) -> Vector:
         """Returns points (N, 3) near the goal where nothing was when the arm started [m]."""
@@ -205,7 +227,7 @@ class ReachReplanner:
             cloud = dilate_new_points(cloud, tree, p_WO, moving=True, params=params)
         return extrude_new_points_down(cloud, tree, p_WO, params)
 
-    def predicted_start(
+    def _predicted_start(
         self, state: ReachState, observation: Observation
     ) -> tuple[ArmState, float]:
         """Returns the arm's command when a plan takes effect, and that time [s].
@@ -284,9 +306,7 @@ class ReachReplanner:
         waits = state.suspended_plan is not None and not state.braking
         if waits and self.is_free(plan, seen):
             return state
-        if state.planned_with is not None:
-            # An obstacle that has left its place may come back to it.
-            seen = seen.with_cloud(np.concatenate((seen.cloud, state.planned_with.cloud)))
+        seen = self._with_former_places(state, seen)
         retreat = self.planner.plan_retreat(plan, seen)
         rest = self.planner.remaining_clearance(plan, seen)
         if waits and retreat.clearance <= rest.minimum:

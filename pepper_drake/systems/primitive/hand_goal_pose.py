@@ -22,7 +22,8 @@ class HandGoalPose(LeafSystem):
 
     The torso's measured pose changes at every step of the plant, if only in its last digits. X_TO
     is therefore kept until the object has moved by a twentieth of a millimetre, which keeps what is
-    computed from it cached. X_OG is not held: a movement and its goal begin together.
+    computed from it cached. X_OG is not held: a movement and its goal begin together. A movement
+    that does not lead to the object has a fixed X_TG instead.
 
     .. pydrake_system::
 
@@ -36,8 +37,8 @@ class HandGoalPose(LeafSystem):
         - goal_orientation
 
     Inputs: `object_pose` X_WO and `torso_pose` X_WT, RigidTransform; `movement`, abstract Movement,
-    whose X_OG is fed through. Outputs: `goal_position` (3) [m], and `goal_orientation` (4), unit
-    quaternion w, x, y, z, of the hand's goal G in T.
+    whose X_OG or X_TG is fed through. Outputs: `goal_position` (3) [m], and `goal_orientation` (4),
+    unit quaternion w, x, y, z, of the hand's goal G in T.
     State: X_TO, position and quaternion (7), at `time_step`; the identity before initialization.
 
     Args:
@@ -92,7 +93,7 @@ class HandGoalPose(LeafSystem):
     def _calc_goal(self, context: Context, value: Value) -> None:
         state = context.get_discrete_state(self._object).value()
         X_TO = RigidTransform(Quaternion(wxyz=state[3:]), state[:3])
-        value.set_value(_numbers(X_TO @ self.movement_input.Eval(context).X_OG))
+        value.set_value(_numbers(self.movement_input.Eval(context).hand_goal(X_TO)))
 
     def _calc_part(self, part: slice, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._goal.Eval(context)[part])

@@ -88,7 +88,8 @@ class ScriptedPlanner:
         reach: Answer to `check_reach`.
         detour: Answer to `replan`.
         back: Answer to `plan_retreat`.
-        home: Answer to `plan_return`; nothing is in its way.
+        home: Answer to `plan_return`.
+        ahead_on_return: Least distance on that path [m].
         ahead: Least distance of the rest of a path, from `ahead_from` on [m].
         ahead_from: Time from now at which the path is as near as that [s].
         distances: Distances by time from now, in place of these two.
@@ -106,6 +107,7 @@ class ScriptedPlanner:
         default_factory=lambda: replace(path_plan(), status=PlanStatus.OUT_OF_REACH, clearance=0.05)
     )
     home: ReachPlan = field(default_factory=lambda: NO_DETOUR)
+    ahead_on_return: float = 0.1
     ahead: float = 0.02
     ahead_from: float = 1.0
     distances: dict[float, float] = field(default_factory=dict)
@@ -156,7 +158,7 @@ class ScriptedPlanner:
             times = np.array(list(self.distances))
             return RemainingClearance(times, np.array(list(self.distances.values())))
         if plan is self.home:
-            return RemainingClearance(np.zeros(1), np.array([0.1]))
+            return RemainingClearance(np.zeros(1), np.array([self.ahead_on_return]))
         far = max(self.ahead, 0.1)
         return RemainingClearance(
             np.array([0.0, self.ahead_from]),

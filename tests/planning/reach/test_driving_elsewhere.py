@@ -14,9 +14,12 @@ from pepper_drake.planning.reach.reach_state import apply_command
 from pepper_drake.planning.safety.command_check import StopReason
 from tests.planning.reach.scripted_planner import (
     ADAPTED,
+    CLOUD,
     NO_DETOUR,
     P_TG,
+    STALE,
     STAND,
+    THING,
     TIMING,
     X_WO,
     ScriptedPlanner,
@@ -33,7 +36,10 @@ ELSEWHERE = replace(plan(), base_pose=STAND + [0.0, 0.3, 0.0])
 """Another base placement."""
 FAR = RigidTransform(X_WO.translation() + [0.0, 0.3, 0.0])
 """Pose of a goal that has moved out of the arm's reach."""
-AT_REST = ArmState(np.zeros(5), np.zeros(5))
+HOME = ArmState(np.zeros(5), np.zeros(5))
+"""The arm at rest in the posture in which it started."""
+AWAY = ArmState(np.array([0.3, 0.0, 0.0, 0.0, 0.0]), np.zeros(5))
+"""The arm at rest on its way."""
 
 
 def waiting(**prepared) -> Supervised:
@@ -43,7 +49,7 @@ def waiting(**prepared) -> Supervised:
     one.image_time = None
     one.advance(1.0)
     assert one.state.suspended_plan is not None
-    return one.set(arm=AT_REST, measured_arm=np.zeros(5))
+    return one.set(arm=AWAY, measured_arm=AWAY.position)
 
 
 def moved_away(**prepared) -> Supervised:
@@ -56,14 +62,15 @@ def moved_away(**prepared) -> Supervised:
     one.image_time = None
     one.set(X_WO=FAR, goal_position=P_TG + [0.0, 0.3, 0.0]).advance(1.0)
     assert one.state.suspended_plan is not None
-    return one.set(arm=AT_REST, measured_arm=np.zeros(5))
+    return one.set(arm=AWAY, measured_arm=AWAY.position)
 
 
 def until_it_returns(one: Supervised, limit: float = 60.0) -> Supervised:
+    """Steps until the arm is on its way back, and puts it there."""
     while one.state.performed_origin != Origin.RETURN and one.time < limit:
         one.step()
     assert one.state.performed_origin == Origin.RETURN, one.state.message
-    return one
+    return one.set(arm=HOME, measured_arm=HOME.position)
 
 
 def clear_from_elsewhere(one: Supervised) -> Supervised:
@@ -107,7 +114,7 @@ def test_a_goal_that_moved_away_is_followed_as_soon_as_no_path_to_it_is_found():
 def test_a_taught_movement_that_does_not_reach_the_goal_it_follows_is_begun_elsewhere():
     one = on_its_way(home=RETURN, placement=ELSEWHERE, detour=NO_DETOUR, reach=NO_DETOUR)
     one.image_time = None
-    one.set(X_WO=FAR, goal_position=P_TG + [0.0, 0.3, 0.0], arm=AT_REST, measured_arm=np.zeros(5))
+    one.set(X_WO=FAR, goal_position=P_TG + [0.0, 0.3, 0.0], arm=AWAY, measured_arm=AWAY.position)
     until_it_returns(one).until(ReachMode.LOOKING)
     clear_from_elsewhere(one).until(ReachMode.DRIVING, limit=20.0)
     assert one.state.places == 2
@@ -127,15 +134,15 @@ def test_the_arm_returns_to_the_posture_in_which_it_started():
 
 def test_where_no_place_is_better_the_reach_fails_for_its_first_reason():
     placement = plan(PlanStatus.NO_STANDING_ROOM, "there is no room")
-    one = waiting(placement=placement).failed("no_clear_path", limit=60.0)
+    one = until_it_returns(waiting(placement=placement)).failed("no_clear_path", limit=60.0)
     assert one.state.message.startswith("something came in the way and has not gone")
     assert one.state.message.endswith("; from elsewhere, there is no room")
-    one = moved_away(placement=placement).failed("goal_moved", limit=60.0)
+    one = until_it_returns(moved_away(placement=placement)).failed("goal_moved", limit=60.0)
     assert one.state.message.endswith("from here; from elsewhere, there is no room")
 
 
 def test_a_place_from_which_the_goal_is_not_reached_either():
-    one = waiting()
+    one = until_it_returns(waiting())
     one.failed("no_clear_path", limit=90.0)
     assert one.state.places == TIMING.max_base_placements
     assert one.state.message.endswith("; from elsewhere, no path")
@@ -175,8 +182,9 @@ def test_space_on_the_way_back_that_was_not_seen_is_looked_at_first():
 
 def test_space_on_the_way_back_that_stays_unseen_ends_the_reach():
     one = waiting(home=unseen_plan()).failed("no_clear_path", limit=60.0)
-    longest = TIMING.blocked_timeout + TIMING.unseen_timeout
-    assert one.state.waited == pytest.approx(longest, abs=0.1)
+    assert one.state.waited == pytest.approx(TIMING.blocked_timeout, abs=0.1)
+    looked = one.state.since - one.state.given_up_at
+    assert looked == pytest.approx(TIMING.unseen_timeout, abs=0.1)
 
 
 def test_a_path_that_becomes_clear_while_the_arm_returns_is_taken():
@@ -188,27 +196,102 @@ def test_a_path_that_becomes_clear_while_the_arm_returns_is_taken():
     one.set(hand_position=P_TG).until(ReachMode.DONE, limit=70.0)
 
 
-def test_an_arm_that_has_to_retreat_on_its_way_back_gives_up():
+def test_an_arm_that_has_to_retreat_on_its_way_back_returns_from_there():
     one = until_it_returns(waiting())
-    one.planner.ahead = 0.02
-    retreat = replace(path_plan(), movement=replace(ADAPTED, origin=Origin.RETREAT))
-    one.state = one.state.with_plan(retreat, one.time, one.state.suspended_plan)
+    one.planner.ahead_on_return = 0.0
+    while one.state.performed_origin == Origin.RETURN:
+        one.step()
+    one.planner.ahead_on_return = 0.1
+    until_it_returns(one).until(ReachMode.LOOKING, limit=60.0)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"arm": AWAY, "measured_arm": AWAY.position},
+        {"measured_arm": np.array([0.0, 0.0, 0.2, 0.0, 0.0])},
+        {"arm": HOME._replace(velocity=np.full(5, 2.0 * TIMING.at_rest))},
+        {"predicted_clearance": -0.01},
+    ],
+    ids=["elsewhere", "held", "moving", "braking"],
+)
+def test_the_robot_does_not_drive_unless_its_arm_is_back_and_at_rest(changes):
+    one = until_it_returns(waiting()).set(**changes)
     one.failed("no_clear_path", limit=60.0)
     assert one.modes[-2] == ReachMode.REACHING
+    assert one.state.since - one.state.given_up_at == pytest.approx(TIMING.return_timeout, abs=0.2)
 
 
-def test_the_robot_does_not_drive_before_its_arm_is_at_rest():
+def test_a_return_that_is_never_clear_ends_in_time():
+    one = waiting()
+    one.planner.ahead_on_return = 0.0
+    one.failed("no_clear_path", limit=60.0)
+    assert one.state.since - one.state.given_up_at <= TIMING.return_timeout + 0.2
+
+
+def test_a_hand_that_falls_behind_on_its_way_back_cannot_follow():
+    one = until_it_returns(waiting()).set(desired_position=np.array([0.3, 0.0, 0.0]))
+    assert "300 mm" in one.failed("cannot_follow", limit=60.0).state.message
+
+
+def test_the_arm_does_not_go_back_past_what_moves():
+    one = waiting()
+    one.set(predicted_cloud=THING).advance(TIMING.blocked_timeout + 5.0)
+    assert "plan_return" not in one.planner.questions()
+    one.failed("no_clear_path", limit=60.0)
+
+
+def test_the_way_back_keeps_clear_of_all_that_a_retreat_keeps_clear_of():
+    one = waiting()
+    one.set(cloud=np.concatenate((CLOUD, THING)))
+    until_it_returns(one)
+    of_retreat, of_return = (
+        one.planner.last(name).obstacles for name in ("plan_retreat", "plan_return")
+    )
+    assert len(of_return) > len(CLOUD) + len(THING)
+    np.testing.assert_array_equal(of_return, of_retreat)
+
+
+def test_the_arm_is_slow_on_its_way_back_where_it_passes_what_was_not_seen():
     one = until_it_returns(waiting())
-    moving = ArmState(np.zeros(5), np.full(5, 2.0 * TIMING.at_rest))
-    one.set(arm=moving).advance(one.seen.tau + 2.0)
+    one.planner.stale = STALE._replace(time=0.0)
+    one.advance(0.8)
+    assert one.state.speed < 0.5
+    assert one.state.look_at == one.planner.stale.place
+
+
+def test_a_goal_that_is_not_seen_while_the_arm_returns_is_searched_for_before_the_drive():
+    one = until_it_returns(waiting()).set(goal_valid=False, goal_age=TIMING.goal_lost + 1.0)
+    one.until(ReachMode.LOOKING, limit=60.0).advance(0.9 * TIMING.goal_timeout)
+    assert one.planner.questions().count("plan_base_placement") == 0
+    one.set(goal_valid=True, goal_age=0.1)
+    clear_from_elsewhere(one).until(ReachMode.DRIVING, limit=60.0)
+
+
+def test_a_goal_that_still_moves_is_not_gone_to():
+    one = moved_away()
+    for k in range(120):
+        X_WO_now = RigidTransform(FAR.translation() + [0.0, 0.005 * k, 0.0])
+        one.set(X_WO=X_WO_now).step()
+    assert one.state.given_up is None
+    assert "plan_return" not in one.planner.questions()
+    until_it_returns(one)
+
+
+def test_a_reach_that_is_resumed_on_the_way_back_has_its_time_left():
+    one = until_it_returns(waiting())
+    one.state = replace(one.state, started=one.time - TIMING.reach_timeout + 0.1)
+    one.advance(0.5)
+    one.planner.detour, one.planner.ahead = path_plan(), 0.02
+    one.advance(TIMING.latency.plan + 0.3)
     assert one.state.mode == ReachMode.REACHING
-    one.set(arm=AT_REST).until(ReachMode.LOOKING, limit=60.0)
+    assert one.state.given_up is None
 
 
 def test_the_time_of_a_reach_does_not_run_out_on_the_way_back():
     one = until_it_returns(waiting())
     one.state = replace(one.state, started=one.time - TIMING.reach_timeout - 1.0)
-    one.until(ReachMode.LOOKING, limit=60.0)
+    one.until(ReachMode.LOOKING, limit=one.time + TIMING.return_timeout)
 
 
 def test_a_stop_on_the_way_back_keeps_its_reason():
@@ -228,8 +311,10 @@ def at_the_goal(**changes) -> Supervised:
 
 
 def test_a_goal_that_shows_elsewhere_while_the_hand_holds_is_not_reached():
-    one = at_the_goal(goal_age=TIMING.goal_confirmed + 0.3).advance(2.0)
-    one.set(goal_age=0.0, X_WO=FAR, goal_position=P_TG + [0.0, 0.3, 0.0]).advance(1.0)
+    wait = TIMING.holding + TIMING.confirmation_timeout - 0.1
+    one = at_the_goal(goal_age=TIMING.goal_confirmed + 0.3).advance(wait)
+    one.set(goal_age=0.0, X_WO=FAR, goal_position=P_TG + [0.0, 0.3, 0.0])
+    one.advance(0.9 * one.seen.tau)  # Whenever it shows, the hand has time to follow.
     assert one.state.mode == ReachMode.HOLDING
     one.set(hand_position=P_TG + [0.0, 0.3, 0.0]).until(ReachMode.DONE)
 

@@ -396,7 +396,7 @@ def test_on_its_way_the_arm_goes_around_what_comes_up(tolerant, at_the_table, tr
 
 
 def reached(at_the_table, plan):
-    """What is observed once the arm is at the end of a plan."""
+    """The observation once the arm is at the end of a plan."""
     return replace(at_the_table, arm=ArmState(plan.joint_path[-1], np.zeros(5)))
 
 
@@ -416,6 +416,8 @@ def test_an_adapted_movement_keeps_a_margin_to_the_tolerance_of_the_hands_axis(
         scene = one._evaluator.scenes(at_the_table)
         status = one._evaluator.evaluate(scene, turned.movement).status
         assert (status == PlanStatus.TURNED_AWAY) == is_turned_away
+    strict = make_planner(right_primitive, make_coupling("barrier"), axis=GoalAxis(tolerance=0.006))
+    assert strict._evaluator._largest_turn == pytest.approx(0.003)
 
 
 def test_the_arm_finds_back_to_where_it_started(tolerant, at_the_table, true_clearance):
@@ -427,6 +429,18 @@ def test_the_arm_finds_back_to_where_it_started(tolerant, at_the_table, true_cle
     points = in_torso(at_the_table.cloud, at_the_table.base_pose)
     truth = min(true_clearance("right", q, points) for q in back.joint_path[::6])
     assert truth >= tolerant.params.clearance.start - 1e-9
+
+
+def test_the_way_back_does_not_follow_the_goal_object(tolerant, at_the_table):
+    """With the object it moved, through what was not checked."""
+    plan = tolerant.check_reach(at_the_table)
+    back = tolerant.plan_return(plan, STAND[ARM], reached(at_the_table, plan)).movement
+    evaluator = tolerant._evaluator
+    X_TH = RigidTransform(evaluator.kinematics.hand_pose(STAND[ARM]))
+    for moved in (0.0, 0.2):
+        X_WO = RigidTransform(at_the_table.p_WO + [0.0, moved, 0.0])
+        X_TO = evaluator.scenes(replace(at_the_table, X_WO=X_WO)).X_TO
+        assert back.hand_goal(X_TO).IsNearlyEqualTo(X_TH, 0.02)
 
 
 def test_the_arm_does_not_go_back_through_what_came_in_between(tolerant, at_the_table):
@@ -448,22 +462,33 @@ def test_without_adaptation_no_way_back_is_planned(right_primitive, at_the_table
 
 
 @pytest.mark.parametrize(
-    ("nearer", "later", "is_clear"),
-    [(0.002, 0.0, True), (0.002, 0.003, False), (0.006, 0.0, False), (-0.001, 0.002, False)],
-    ids=["leaves", "comes nearer", "is too near", "was clear"],
+    ("lacks", "then", "at_last", "origin", "is_clear"),
+    [
+        (0.002, 0.002, 0.0, Origin.RETURN, True),
+        (0.002, 0.002, 0.0, Origin.DETOUR, True),
+        (0.002, 0.002, 0.0, Origin.TAUGHT, False),
+        (0.002, 0.002, 0.001, Origin.RETURN, False),
+        (0.002, 0.003, 0.0, Origin.RETURN, False),
+        (0.006, 0.006, 0.0, Origin.RETURN, False),
+        (-0.001, 0.001, 0.0, Origin.RETURN, False),
+    ],
+    ids=["leaves", "leaves", "starts", "stays", "comes nearer", "is too near", "was clear"],
 )
 def test_an_arm_that_is_a_little_too_near_the_own_body_may_leave(
-    planner, monkeypatch, nearer, later, is_clear
+    planner, monkeypatch, lacks, then, at_last, origin, is_clear
 ):
     plan = stand(planner, object_at())
-    lowest = planner.params.hanging_clearance - nearer
+    needed = planner.params.hanging_clearance
+    first, last = plan.joint_path[[0, -1]]
 
     def near(self, q, within=np.inf):
-        is_first = np.all(q == STAND[ARM], axis=1)
-        return np.where(is_first, lowest, lowest - later)
+        is_first, is_last = np.all(q == first, axis=1), np.abs(q - last).max(axis=1) < 1e-3
+        return needed - np.where(is_first, lacks, np.where(is_last, at_last, then))
 
     monkeypatch.setattr(ArmCollisionChecker, "self_distances", near)
-    again = planner.simulate_taught(observed(plan.base_pose, object_at()))
+    evaluator = planner._evaluator
+    scene = evaluator.scenes(observed(plan.base_pose, object_at()))
+    again = evaluator.evaluate(scene, replace(planner.demonstrated, origin=origin))
     assert (again.status == PlanStatus.CLEAR) == is_clear
 
 

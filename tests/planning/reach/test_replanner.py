@@ -75,6 +75,12 @@ def test_a_detour_takes_effect_a_planning_latency_after_its_observation():
     assert one.planner.questions().count("replan") == 1
 
 
+def test_a_detour_without_a_movement_is_not_begun():
+    """The arm would have performed the demonstration from where it is."""
+    one = on_its_way(ahead=0.004, detour=replace(path_plan(), movement=None))
+    one.look().failed("plan_invalid")
+
+
 def test_a_detour_to_another_place_than_the_goal_is_not_begun():
     led_astray = replace(path_plan(), p_WO=X_WO.translation() + [0.0, 0.03, 0.04])
     one = on_its_way(ahead=0.004, detour=led_astray)

@@ -83,3 +83,13 @@ def test_before_initialization_the_object_is_at_the_torso():
     position, orientation = outputs(system, context)
     np.testing.assert_allclose(position, X_OG.translation(), atol=1e-15)
     np.testing.assert_allclose(orientation, X_OG.rotation().ToQuaternion().wxyz(), atol=1e-15)
+
+
+def test_a_goal_in_the_torso_frame_does_not_follow_the_object():
+    system, simulator, context = start()
+    X_TG = pose([0.2, 0.1, -0.3], [0.3, -0.2, 0.05])
+    system.movement_input.FixValue(context, moving(None, 1, X_TG=X_TG))
+    for X in (X_WO, X_WO_2):
+        system.object_pose_input.FixValue(context, X)
+        simulator.AdvanceTo(context.get_time() + 0.02)
+        np.testing.assert_allclose(outputs(system, context)[0], X_TG.translation(), atol=1e-12)
