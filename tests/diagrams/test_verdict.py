@@ -1,6 +1,6 @@
 import pytest
 
-from pepper_drake.diagrams.verdict import RunEnd, judge
+from pepper_drake.diagrams.verdict import RunEnd, judge, judge_by_robot
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import GoalTolerances
 from pepper_drake.planning.reach.reach_state_machine import UNCONFIRMED
@@ -94,3 +94,14 @@ def test_each_end_is_named(end, measured, outcome, reason, words):
     judge(report, end, GoalTolerances(), longest=60.0)
     assert (report.outcome, report.reason) == (outcome, reason)
     assert words in report.message
+
+
+@pytest.mark.parametrize(
+    ("reason", "outcome"), [("", "reached"), (UNCONFIRMED, UNCONFIRMED)], ids=["seen", "unseen"]
+)
+def test_a_robot_says_by_itself_whether_it_saw_that_it_reached(reason, outcome):
+    """Nothing is known of the true goal, as on a real robot."""
+    report = ReachReport(scene="", arm="right", seed=0, coupling="barrier")
+    judge_by_robot(report, RunEnd(ReachMode.DONE, reason, "seen 9 s ago"), longest=60.0)
+    assert (report.outcome, report.reason) == (outcome, reason)
+    assert ("9 s" in report.message) == bool(reason)
