@@ -30,6 +30,7 @@ from tests.planning.reach.scripted_planner import (
     unseen_plan,
 )
 
+STEP = TIMING.time_step
 RETURN = replace(path_plan(), movement=replace(ADAPTED, origin=Origin.RETURN))
 """A way back to the first posture."""
 ELSEWHERE = replace(plan(), base_pose=STAND + [0.0, 0.3, 0.0])
@@ -130,6 +131,22 @@ def test_the_arm_returns_to_the_posture_in_which_it_started():
     )
     until_it_returns(one)
     assert asked == [(one.state.suspended_plan, first)]
+
+
+def test_before_it_drives_elsewhere_the_robot_looks_at_the_scene_again():
+    one = until_it_returns(waiting())
+    one.planner.asked.clear()
+    one.until(ReachMode.LOOKING, limit=60.0).advance(TIMING.looking - STEP)
+    assert "plan_base_placement" not in one.planner.questions()
+    one.advance(3 * STEP)
+    assert one.planner.questions().count("plan_base_placement") == 1
+
+
+def test_a_robot_that_has_driven_as_often_as_it_may_stays():
+    one = waiting()
+    one.state = replace(one.state, places=TIMING.max_base_placements)
+    one.failed("no_clear_path", limit=60.0)
+    assert "plan_return" not in one.planner.questions()
 
 
 def test_where_no_place_is_better_the_reach_fails_for_its_first_reason():
