@@ -9,7 +9,7 @@ from pepper_drake.learning import MovementPrimitive
 from pepper_drake.models.control_model import arm_joints
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
-from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import last_attempt
 from pepper_drake.planning.reach.reach_plan import PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_planner import ReachPlanner
 from pepper_drake.results.movement_report import ADAPTED, MovementReport
@@ -38,9 +38,8 @@ def taught_path(
         hand: Measured hand position in T (N, 3) [m].
         goal: Estimated goal of the hand in T (N, 3) [m].
     """
-    reaching = np.isin(mode, (ReachMode.REACHING, ReachMode.HOLDING))
     moving = np.flatnonzero(
-        reaching & ~np.isin(origin, (Origin.NONE, Origin.RETREAT, Origin.RETURN))
+        last_attempt(mode) & ~np.isin(origin, (Origin.NONE, Origin.RETREAT, Origin.RETURN))
     )
     if not len(moving) or not np.isfinite(goal[moving]).all():
         return np.zeros((0, 3))

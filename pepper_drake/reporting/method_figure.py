@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from pepper_drake.learning import Demonstration, MovementPrimitive
 from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling, Coupling, ReportCoupling
+from pepper_drake.planning.reach.reach_mode import last_attempt
 from pepper_drake.reporting.reach_figures import draw_surroundings
-from pepper_drake.results.movement_report import is_moving
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.results.reach_report import ReachReport
 
@@ -106,7 +106,7 @@ def _draw_couplings(space: Any) -> None:
 def _draw_reaches(space: Any, runs: Mapping[str, MethodRun]) -> None:
     for number, (name, run) in enumerate(runs.items()):
         log, report = run.log, run.report
-        moving = is_moving(log)
+        moving = last_attempt(log.mode)
         if number == 0:
             draw_surroundings(space, [each.log for each in runs.values()])
         hand = log.hand_position_torso_m[moving]

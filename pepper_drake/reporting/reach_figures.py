@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from pepper_drake.planning.reach.movement_origin import Origin
-from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachMode, last_attempt
 from pepper_drake.results.movement_report import (
     ADAPTED,
     BENT,
@@ -69,7 +69,7 @@ def movement_title(movement: MovementReport) -> str:
 
 def draw_path(log: ReachLog) -> Figure:
     """Draws the hand's path in the torso frame: as taught, as performed, with goal and cloud."""
-    moving = is_moving(log)
+    moving = last_attempt(log.mode)
     figure = Figure(figsize=(12, 6), layout="constrained")
     figure.suptitle(movement_title(measure_movement(log)), fontsize=13)
     space = figure.add_subplot(1, 2, 1, projection="3d")
@@ -95,7 +95,7 @@ def draw_path(log: ReachLog) -> Figure:
 
 def draw_hand_paths(space: Any, log: ReachLog) -> None:
     """Draws the paths of one reach in space, with start, goal and the cloud around them."""
-    moving = is_moving(log)
+    moving = last_attempt(log.mode)
     hand, desired = log.hand_position_torso_m[moving], log.desired_position_torso_m[moving]
     taught = log.taught_path_torso_m
     if not len(hand):
@@ -116,7 +116,7 @@ def draw_surroundings(space: Any, logs: Sequence[ReachLog]) -> None:
             points[np.isfinite(points).all(axis=1)]
             for log in logs
             for points in (
-                log.hand_position_torso_m[is_moving(log)],
+                log.hand_position_torso_m[last_attempt(log.mode)],
                 log.taught_path_torso_m,
                 log.hand_position_torso_m[-1:],
                 log.goal_position_torso_m[-1:],

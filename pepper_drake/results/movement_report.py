@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pepper_drake.planning.reach.movement_origin import Origin
-from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachMode, last_attempt
 from pepper_drake.results.reach_log import ReachLog
 
 Vector = npt.NDArray[np.float64]
@@ -32,7 +32,7 @@ class MovementReport:
     """Link and obstacle that would have come closest in it, by the true geometry."""
     mean_deviation: float | None = None
     """Mean distance of the performed path's points to the nearest point of the taught path, which
-    has the same start and goal."""
+    has the same start and goal; of the last path, if the robot drove elsewhere."""
     largest_deviation: float | None = None
     """The largest of these distances."""
     largest_coupling: float = 0.0
@@ -129,7 +129,7 @@ def measure_movement(log: ReachLog) -> MovementReport:
     step = float(np.median(np.diff(log.time_s)))
     strength = coupling_strength(log)[moving]
     acts = (strength > _NEGLIGIBLE_COUPLING) & (origin != Origin.NONE)
-    off = deviations(log.hand_position_torso_m[moving], log.taught_path_torso_m)
+    off = deviations(log.hand_position_torso_m[last_attempt(log.mode)], log.taught_path_torso_m)
     replaced = np.isin(origin, (Origin.ADAPTED, Origin.DETOUR)).any()
     bent = BENT if acts.any() else AS_SHOWN
     return MovementReport(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pepper_drake.planning.reach.movement_origin import Origin
-from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachMode, last_attempt
 from pepper_drake.reporting.reach_figures import movement_title
 from pepper_drake.results.movement_report import ADAPTED, AS_SHOWN, BENT, measure_movement
 from tests.results.test_reach_log import make_log
@@ -45,6 +45,20 @@ def test_deviation_is_the_distance_between_the_paths():
     assert movement.mean_deviation == pytest.approx(OFF)
     assert movement.largest_deviation == pytest.approx(OFF)
     assert "30 mm" in movement_title(movement)
+
+
+def test_the_rows_of_the_last_attempt_follow_the_last_drive():
+    modes = [
+        [ReachMode.LOOKING, ReachMode.DRIVING, ReachMode.SETTLING],
+        [ReachMode.REACHING, ReachMode.HOLDING, ReachMode.REACHING],
+        [ReachMode.LOOKING, ReachMode.DRIVING, ReachMode.SETTLING],
+        [ReachMode.REACHING, ReachMode.HOLDING, ReachMode.DONE],
+    ]
+    for tried, first in ((4, 9), (3, 3), (2, 3)):
+        mode = np.concatenate(modes[:tried])
+        moving = np.flatnonzero(last_attempt(mode))
+        assert (moving[0], len(moving)) == (first, 2 if tried == 4 else 3)
+    assert not last_attempt(np.array(modes[0])).any()
 
 
 def test_a_return_before_the_robot_drives_elsewhere_is_counted():

@@ -2,6 +2,9 @@
 
 from enum import IntEnum
 
+import numpy as np
+import numpy.typing as npt
+
 
 class ReachMode(IntEnum):
     """Modes of a reach."""
@@ -27,3 +30,19 @@ class ReachCommand(IntEnum):
     """End the present reach; the arm brakes and holds still."""
     MOVE = 3
     """Perform one arm movement, planned from the present base pose."""
+
+
+def last_attempt(mode: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Returns the rows (N,) of a log in which the arm reaches, or holds its hand at the goal.
+
+    Those from other base poses than the last are left out.
+
+    Args:
+        mode: The `ReachMode` of each row (N,).
+    """
+    moving = np.isin(mode, (ReachMode.REACHING, ReachMode.HOLDING))
+    last = len(mode) - int(np.argmax(moving[::-1]))
+    drives = np.flatnonzero(mode[:last] == ReachMode.DRIVING)
+    if len(drives):
+        moving[: drives[-1]] = False
+    return moving
