@@ -211,14 +211,15 @@ class GazePolicy:
                 aim = clamp_head(self._search(now.time - start, self._side, was_seen))
             state = replace(state, camera=-1, target=np.full(2, np.nan), search_start=start)
         else:
-            moves = self._moves(now)
+            # Until the arm moves, the base may: what its odometry errs by looks like motion.
+            follows = now.scan_enabled and self._moves(now)
             p_WP = now.X_WO @ self._p_OP
-            if moves:
+            if follows:
                 p_WP = p_WP + now.velocity * min(now.age, params.lead_time)
             p_TP = now.X_WT.inverse() @ p_WP
-            gaze, state = self._aim(state, now, p_TP, moves)
+            gaze, state = self._aim(state, now, p_TP, follows)
             aim = gaze.head
-            latest = params.missed_age_moving if moves else params.missed_age
+            latest = params.missed_age_moving if follows else params.missed_age
             is_missed = self._secondary is not None and now.age > latest
             camera = -1 if is_missed else self._cameras.index(gaze.camera)
             state = replace(state, camera=camera, search_start=math.nan)
@@ -258,19 +259,19 @@ class GazePolicy:
         return np.asarray(turn / fastest) if fastest > self._params.turn_speed else _UP
 
     def _aim(
-        self, state: GazeState, now: GazeObservation, p_TP: Vector, moves: bool
+        self, state: GazeState, now: GazeObservation, p_TP: Vector, follows: bool
     ) -> tuple[Gaze, GazeState]:
-        """Aims at the object, or beside it during a scan."""
+        """Aims at the object, which the head follows if it moves, or beside it during a scan."""
         params, secondary = self._params, self._secondary
         current = self._cameras[state.camera] if state.camera >= 0 else None
         scans = now.look_at is not None or now.scan_enabled
         latest = params.centering_age if scans else params.missed_age
-        if secondary is None or moves or now.age > latest:
+        if secondary is None or self._moves(now) or now.age > latest:
             gaze = choose_camera(self._cameras, p_TP, current=current)
-            missed = params.lead_time if moves else params.missed_age
+            missed = params.lead_time if follows else params.missed_age
             if secondary is not None and now.age > missed:
                 swing = params.swing * np.sin(2 * np.pi * (now.age - missed) / params.swing_period)
-                along = self._motion(gaze.camera, now, p_TP) if moves else _UP
+                along = self._motion(gaze.camera, now, p_TP) if follows else _UP
                 gaze = replace(gaze, head=clamp_head(gaze.head + swing * along))
             elif np.allclose(state.velocity, 0.0) and _is_near(gaze.head, state.head, params):
                 gaze = replace(gaze, head=state.head)

@@ -239,6 +239,15 @@ def test_the_head_looks_where_a_moving_object_is_by_now():
     assert aimed[0] > choose_camera((CAMERA_TOP, CAMERA_BOTTOM), P_TP).head[0] + 0.1
 
 
+def test_before_the_arm_moves_the_head_stays_where_a_lost_object_was():
+    """Where odometry jumped as the robot arrived, the head looked for the object behind it."""
+    at_rest, moving = (
+        sharing(age=[2.5], velocity=velocity, scan_enabled=[0.0]).run(3.0)
+        for velocity in (np.zeros(3), [-0.4, 0.1, 0.0])
+    )
+    np.testing.assert_allclose(*(one.output("head_position_command") for one in (at_rest, moving)))
+
+
 @pytest.mark.parametrize(("speed", "enabled"), [(0.0, [0, 1]), (0.1, [1, 1])])
 def test_all_cameras_look_for_a_moving_object_once_an_image_has_missed_it(speed, enabled):
     bench = sharing(age=[LIMITS.missed_age_moving + 0.1], velocity=[0.0, speed, 0.0]).run(3.0)
