@@ -240,7 +240,7 @@ def test_the_head_looks_where_a_moving_object_is_by_now():
 
 
 def test_before_the_arm_moves_the_head_stays_where_a_lost_object_was():
-    """Where odometry jumped as the robot arrived, the head looked for the object behind it."""
+    """It looked behind the robot after odometry had jumped on arrival."""
     at_rest, moving = (
         sharing(age=[2.5], velocity=velocity, scan_enabled=[0.0]).run(3.0)
         for velocity in (np.zeros(3), [-0.4, 0.1, 0.0])
