@@ -72,3 +72,13 @@ def sheet(x, y, z, spacing=0.03):
     """Points on the grid of three ranges (one of them a single number)."""
     axes = [np.arange(*r, spacing) if isinstance(r, tuple) else np.array([r]) for r in (x, y, z)]
     return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
+
+
+TABLE = sheet((0.9, 1.3), (-0.6, 0.4), 0.735, spacing=0.02)
+
+
+def in_torso(points, base_pose):
+    """Points (N, 3) of W in the frame of the torso of a robot that stands."""
+    context = MODEL.create_context()
+    MODEL.plant.SetPositions(context, MODEL.positions(STAND, base_pose))
+    return (MODEL.pose(context, "torso").inverse() @ points.T).T
