@@ -25,7 +25,7 @@ from pepper_drake.models.control_model import (
 )
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.reach.planner_registry import DEFAULT_PLANNER
-from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_mode import ReachMode, last_attempt
 from pepper_drake.results.folder import whole_results
 from pepper_drake.results.reach_log import ReachLog
 from pepper_drake.scenario import build_reaching
@@ -119,10 +119,12 @@ def measure(result: ReachResult, primitive: MovementPrimitive, arm: str) -> Meth
     )
     if not moving.any() or report.planning_delay is None:
         return measured
-    measured.first_motion_seconds = first_motion(log, moving, arm, report.planning_delay)
+    # The delay is that at the last base pose.
+    last = last_attempt(log.mode)
+    measured.first_motion_seconds = first_motion(log, last, arm, report.planning_delay)
     if measured.outcome == "reached":
         first = int(np.argmax(moving))
-        arrival = int(np.argmax(log.mode == ReachMode.HOLDING))
+        arrival = arrival_row(log.mode)
         step = float(log.time_s[1] - log.time_s[0])
         measured.duration = float(log.time_s[arrival] - log.time_s[first])
         held = round(CONTROL_PERIOD / step)
@@ -148,6 +150,16 @@ def outcome_of(report_outcome: str, clearance: float, started: bool) -> str:
     if report_outcome == "reached":
         return "reached"
     return "failed" if started else "refused"
+
+
+def arrival_row(mode: npt.NDArray[np.int64]) -> int:
+    """Returns the row in which the hand arrived last; a goal may move on after it has arrived.
+
+    Args:
+        mode: The `ReachMode` of each row (N,), of a reach that reached.
+    """
+    holds = mode == ReachMode.HOLDING
+    return int(np.flatnonzero(holds[1:] & ~holds[:-1])[-1]) + 1
 
 
 def first_motion(log: ReachLog, moving: npt.NDArray[np.bool_], arm: str, delay: float) -> float:

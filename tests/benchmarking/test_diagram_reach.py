@@ -4,6 +4,7 @@ import pytest
 from pepper_drake import scenario
 from pepper_drake.benchmarking.case import Case
 from pepper_drake.benchmarking.diagram_reach import (
+    arrival_row,
     commanded_hand,
     first_motion,
     interpolate_held,
@@ -14,6 +15,7 @@ from pepper_drake.benchmarking.metrics import rms_jerk
 from pepper_drake.models.control_model import arm_joints, body_indices, shared_control_model
 from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.reach.reach_mode import ReachMode
 
 
 @pytest.mark.parametrize(
@@ -48,6 +50,11 @@ class Log:
 
     time_s = np.arange(10) / 100
     joint_command_rad = np.zeros((10, len(BODY_JOINTS)))
+
+
+def test_the_hand_has_arrived_when_it_holds_for_the_last_time():
+    mode = np.repeat([ReachMode.REACHING, ReachMode.HOLDING] * 2 + [ReachMode.DONE], 3)
+    assert arrival_row(mode) == 9
 
 
 def test_the_first_motion_waits_for_the_plan_and_for_the_first_command():

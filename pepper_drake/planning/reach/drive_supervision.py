@@ -125,7 +125,7 @@ class DriveSupervision:
         """Waits until base and torso arrive; without depth images both stand still."""
         time, is_blind = self._time, self._observation.cloud_age > self._timing.cloud_timeout
         if is_blind:
-            state = replace(state, braking=True, blind=state.blind + self._timing.time_step)
+            state = state.without_images(self._timing.time_step, self._observation.cloud_fault)
         elif state.braking:
             state = replace(state, braking=False)
         if time - state.since > self._timing.driving_timeout:

@@ -4,6 +4,7 @@ import numpy as np
 
 from pepper_drake.models.control_model import body_indices
 from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_state import ReachState
@@ -31,10 +32,13 @@ def likely_cause(
             f"its command; {symptom}"
         )
     if state.blind > params.cause.blind:
-        return "cloud_missing", (
-            f"the depth camera's images came so late or so seldom that the robot waited for "
-            f"them for {state.blind:.1f} s"
-        )
+        if state.blind_fault in (DepthFault.NONE, DepthFault.MISSING, DepthFault.LATE):
+            return "cloud_missing", (
+                f"the depth camera's images came so late or so seldom that the robot waited for "
+                f"them for {state.blind:.1f} s"
+            )
+        sentence = FAULT_SENTENCES[state.blind_fault]
+        return "cloud_missing", f"{sentence}: the robot waited for others for {state.blind:.1f} s"
     if planned is None:
         return None
     moved = float(np.linalg.norm(observation.p_WO - planned.p_WO))

@@ -6,6 +6,7 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
@@ -103,6 +104,7 @@ class ReachState:
             it moved on or something came, and on a return that was not completed.
         waited: Time spent waiting for obstacles to leave since `started` [s].
         blind: Time spent waiting for depth images at this base pose and on the drive to it [s].
+        blind_fault: Why the last image that was not used meanwhile was not.
         may_drive: Whether the base may be sent to another base placement.
         given_up: Reason and sentence of why the goal is not reached from the present base pose: the
             arm returns to its first posture, and the robot drives elsewhere. None if it does not.
@@ -145,6 +147,7 @@ class ReachState:
     held: float = 0.0
     waited: float = 0.0
     blind: float = 0.0
+    blind_fault: DepthFault = DepthFault.NONE
     may_drive: bool = True
     given_up: tuple[str, str] | None = None
     given_up_at: float = np.nan
@@ -243,6 +246,16 @@ class ReachState:
             suspended_plan=suspended_plan,
             pending=(),
         )
+
+    def without_images(self, duration: float, fault: DepthFault) -> "ReachState":
+        """Returns the state of a robot that waits for depth images for a further duration [s].
+
+        Args:
+            duration: [s].
+            fault: Why the last image was not used.
+        """
+        blind_fault = self.blind_fault if fault == DepthFault.NONE else fault
+        return replace(self, braking=True, blind=self.blind + duration, blind_fault=blind_fault)
 
     def anew(self, time: float) -> "ReachState":
         """Returns the state of a robot that looks for goal and base placement from now on."""

@@ -212,9 +212,9 @@ class _Supervision(ReturnSupervision):
         """Checks the rest of the movement against a new cloud; see `ReachReplanner`."""
         observation, plan = self._observation, state.plan
         if observation.cloud_age > self._timing.cloud_timeout:
-            blind = state.blind + self._timing.time_step
             pending = state.pending if state.braking else ()
-            return replace(state, braking=True, pending=pending, blind=blind)
+            waiting = state.without_images(self._timing.time_step, observation.cloud_fault)
+            return replace(waiting, pending=pending)
         if observation.predicted_clearance < self._planner.params.clearance.stop:
             # The prediction may be wrong: the arm brakes until the next cloud.
             state = state if state.braking else replace(state, braking=True)
