@@ -146,8 +146,8 @@ def test_an_arm_retreats_as_it_was_simulated_and_reaches_when_the_path_is_free(
     retreats = []
     retreat = reaching.planner.plan_retreat
 
-    def retreat_and_note(plan, observation):
-        retreats.append(retreat(plan, observation))
+    def retreat_and_note(travelled, observation):
+        retreats.append(retreat(travelled, observation))
         return retreats[-1]
 
     monkeypatch.setattr(reaching.planner, "plan_retreat", retreat_and_note)

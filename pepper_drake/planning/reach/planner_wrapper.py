@@ -68,20 +68,25 @@ class PlannerWrapper:
         """Returns the best plan for the rest of a movement; see `Planner`."""
         return self._answer("replan", observation, lambda asked: self.planner.replan(plan, asked))
 
-    def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
+    def plan_retreat(
+        self, travelled: npt.NDArray[np.float64], observation: Observation
+    ) -> ReachPlan:
         """Returns a plan back to a configuration with more clearance; see `Planner`."""
         return self._answer(
-            "plan_retreat", observation, lambda asked: self.planner.plan_retreat(plan, asked)
+            "plan_retreat", observation, lambda asked: self.planner.plan_retreat(travelled, asked)
         )
 
     def plan_return(
-        self, plan: ReachPlan, posture: npt.NDArray[np.float64], observation: Observation
+        self,
+        travelled: npt.NDArray[np.float64],
+        posture: npt.NDArray[np.float64],
+        observation: Observation,
     ) -> ReachPlan:
         """Returns a plan back to a posture; see `Planner`."""
         return self._answer(
             "plan_return",
             observation,
-            lambda asked: self.planner.plan_return(plan, posture, asked),
+            lambda asked: self.planner.plan_return(travelled, posture, asked),
         )
 
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:

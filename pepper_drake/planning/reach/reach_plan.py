@@ -21,6 +21,11 @@ from pepper_drake.short_repr import short_repr, short_signature
 Vector = npt.NDArray[np.float64]
 
 
+def nearest_index(path: Vector, position: Vector) -> int:
+    """Returns the index of the configuration of a path (N, 5) nearest to a position (5,) [rad]."""
+    return int(np.argmin(np.sum((path - position) ** 2, axis=1)))
+
+
 class PlanStatus(StrEnum):
     """Result of simulating a reach."""
 
@@ -106,7 +111,7 @@ class ReachPlan:
     def nearest(self, arm: ArmState) -> int:
         """Returns the index of the path's command nearest to the arm's."""
         assert self.joint_path is not None
-        return int(np.argmin(np.sum((self.joint_path - arm.position) ** 2, axis=1)))
+        return nearest_index(self.joint_path, arm.position)
 
     def predict(
         self,
@@ -226,18 +231,24 @@ class Planner(Protocol):
         """
         ...
 
-    def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
-        """Returns a plan back along the path of another to where there is more clearance.
+    def plan_retreat(self, travelled: Vector, observation: Observation) -> ReachPlan:
+        """Returns a plan back along the travelled path to where there is more clearance.
 
         Its end is not the goal; it is the best that can be done, clear or not.
+
+        Args:
+            travelled: The path (N, 5) on which the arm came [rad].
+            observation: The observation.
         """
         ...
 
-    def plan_return(self, plan: ReachPlan, posture: Vector, observation: Observation) -> ReachPlan:
+    def plan_return(
+        self, travelled: Vector, posture: Vector, observation: Observation
+    ) -> ReachPlan:
         """Returns a plan back to a posture of the arm, not clear if there is none.
 
         Args:
-            plan: The plan on whose path the arm came.
+            travelled: The path (N, 5) on which the arm came [rad].
             posture: The posture (5,) [rad].
             observation: The observation.
         """

@@ -149,13 +149,15 @@ class ReachPlanner:
         detour = replan(self._evaluator, plan, observation)
         return self._with_unseen(detour, observation)
 
-    def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
+    def plan_retreat(self, travelled: Vector, observation: Observation) -> ReachPlan:
         """Returns a plan back to a configuration with more clearance; see `Planner`."""
-        return plan_retreat(self._evaluator, plan, observation)
+        return plan_retreat(self._evaluator, travelled, observation)
 
-    def plan_return(self, plan: ReachPlan, posture: Vector, observation: Observation) -> ReachPlan:
+    def plan_return(
+        self, travelled: Vector, posture: Vector, observation: Observation
+    ) -> ReachPlan:
         """Returns a plan back to a posture; see `Planner`."""
-        back = plan_return(self._evaluator, plan, posture, observation)
+        back = plan_return(self._evaluator, travelled, posture, observation)
         return self._with_unseen(back, observation)
 
     def remaining_clearance(self, plan: ReachPlan, observation: Observation) -> RemainingClearance:

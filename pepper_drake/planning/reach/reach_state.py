@@ -11,7 +11,7 @@ from pepper_drake.planning.reach.movement import Movement
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachCommand, ReachMode
-from pepper_drake.planning.reach.reach_plan import ReachPlan
+from pepper_drake.planning.reach.reach_plan import ReachPlan, nearest_index
 from pepper_drake.planning.reach.separation import StaleSpace
 from pepper_drake.planning.reach.steadiness import Steadiness
 from pepper_drake.short_repr import short_repr
@@ -81,6 +81,8 @@ class ReachState:
         placement: The last base placement, with the movement that was found for it. While the
             robot looks for the goal: one whose drive would sweep unseen space.
         plan: The present or next plan; None before there is one.
+        travelled: The path (N, 5) on which the arm came to where the present movement began,
+            without what it retraced [rad].
         movements: Number of movements begun so far: more than one after replanning.
         braking: Whether the arm, and the base too, brakes or stands until the next plan or depth
             image.
@@ -129,6 +131,7 @@ class ReachState:
     places: int = 0
     placement: ReachPlan | None = None
     plan: ReachPlan | None = None
+    travelled: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 5)))
     movements: int = 0
     braking: bool = False
     cloud_time: float = np.nan
@@ -232,9 +235,13 @@ class ReachState:
     ) -> "ReachState":
         """Returns the state of an arm that switches to another plan."""
         retreats_on = None not in (suspended_plan, self.suspended_plan)
+        came = self.travelled
+        if plan.joint_path is not None:
+            came = self.travelled_to(plan.joint_path[0])
         return replace(
             self,
             plan=plan,
+            travelled=came,
             movements=self.movements + 1,
             since=time,
             message="",
@@ -246,6 +253,19 @@ class ReachState:
             suspended_plan=suspended_plan,
             pending=(),
         )
+
+    def travelled_to(self, position: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Returns the path (N, 5) on which the arm came to a position (5,) [rad].
+
+        A retreat retraces it: an arm that retreats once more goes on, and does not turn back.
+        """
+        path = None if self.plan is None else self.plan.joint_path
+        if path is None:
+            return position[None]
+        retreats = self.movement is not None and self.movement.origin == Origin.RETREAT
+        if retreats and len(self.travelled):
+            return self.travelled[: nearest_index(self.travelled, position) + 1]
+        return np.concatenate((self.travelled, path[: nearest_index(path, position) + 1]))
 
     def without_images(self, duration: float, fault: DepthFault) -> "ReachState":
         """Returns the state of a robot that waits for depth images for a further duration [s].

@@ -50,12 +50,13 @@ def replan(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation)
     return evaluator.evaluate(scene, evaluator.movement_along(scene, path, Origin.DETOUR))
 
 
-def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observation) -> ReachPlan:
+def plan_retreat(
+    evaluator: ReachEvaluator, travelled: Vector, observation: Observation
+) -> ReachPlan:
     """Returns a plan back to where there is more clearance; see `Planner`."""
     scene = evaluator.scenes(observation)
-    assert plan.joint_path is not None
     joints, duration = retreat_trajectory(
-        plan.joint_path[: plan.nearest(scene.arm) + 1],
+        travelled,
         scene.arm.position,
         scene.arm.velocity,
         scene.checker.distances,
@@ -67,12 +68,11 @@ def plan_retreat(evaluator: ReachEvaluator, plan: ReachPlan, observation: Observ
 
 
 def plan_return(
-    evaluator: ReachEvaluator, plan: ReachPlan, posture: Vector, observation: Observation
+    evaluator: ReachEvaluator, travelled: Vector, posture: Vector, observation: Observation
 ) -> ReachPlan:
     """Returns a plan back to a posture (5,) [rad]; see `Planner`."""
     scene, path = evaluator.scenes(observation), None
-    if evaluator.adapter is not None and plan.joint_path is not None:
-        travelled = plan.joint_path[: plan.nearest(scene.arm) + 1]
+    if evaluator.adapter is not None:
         path = evaluator.adapter.adapt_back(scene.arm.position, posture, scene.checker, travelled)
     if path is None:
         return ReachPlan(

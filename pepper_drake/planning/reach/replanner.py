@@ -131,21 +131,20 @@ class ReachReplanner:
             return state.later(Pending(time + latency.check, Effect.BRAKE))
         if state.suspended_plan is None or has_waited:
             state = replace(state, waits_with=observation)
-        return self._retreat(state, plan, reach, seen.with_arm(start), due)
+        return self._retreat(state, reach, seen.with_arm(start), due)
 
     def plan_return(self, state: ReachState, observation: Observation) -> tuple[ReachPlan, float]:
         """Returns a plan back to the posture of the arm's start, and when it takes effect [s].
 
         It keeps clear of all that a retreat keeps clear of.
         """
-        plan, first = state.plan, state.started_with
-        assert plan is not None
+        first = state.started_with
         assert first is not None
         start, due = self._predicted_start(state, observation)
         seen = observation.with_cloud(self._with_hidden_sides(state, observation))
         seen = self._with_former_places(state, seen).with_arm(start)
-        reach = state.suspended_plan or plan
-        return self.planner.plan_return(reach, first.arm.position, seen), due
+        travelled = state.travelled_to(start.position)
+        return self.planner.plan_return(travelled, first.arm.position, seen), due
 
     def _with_former_places(self, state: ReachState, seen: Observation) -> Observation:
         """Adds the obstacles of the last plan: one that has left its place may come back to it."""
@@ -183,14 +182,18 @@ class ReachReplanner:
         """Returns the distance to new points (N, 3) [m] that a retreat does not move away from.
 
         A retreat goes back where the arm came from, and no slower than it can as long as it leaves
-        what came. Past it the arm is as slow as on any other movement: the part of it that is
-        nearest to the arm is often hidden by the arm.
+        what came, soon or before that can have come near. Past it the arm is as slow as on any
+        other movement: the part of it that is nearest to the arm is often hidden by the arm.
         """
         if not len(new):
             return StaleSpace()
         rest = self.planner.remaining_clearance(plan, observation.with_cloud(new))
+        leaves = rest.distances > rest.distances[0]
+        escape = int(np.argmax(leaves)) if leaves.any() else len(leaves)
+        separation = self.timing.separation
+        nearer = rest.distances - separation.approach_speed * rest.times
         soon = rest.distances[rest.times <= self.planner.params.new_obstacle.escape_time]
-        if soon[-1] > soon[0]:
+        if soon[-1] > soon[0] or nearer[:escape].min() > separation.intrusion:
             return StaleSpace()
         return self.planner.stale_space(plan, observation, new, new[:0])._replace(time=np.inf)
 
@@ -300,15 +303,30 @@ class ReachReplanner:
         return detour
 
     def _retreat(
-        self, state: ReachState, plan: ReachPlan, reach: ReachPlan, seen: Observation, due: float
+        self, state: ReachState, reach: ReachPlan, seen: Observation, due: float
     ) -> ReachState:
         """Retreats at a time [s], or stays if the arm is already clear of the obstacle."""
+        plan = state.plan
+        assert plan is not None
         waits = state.suspended_plan is not None and not state.braking
         if waits and self.is_free(plan, seen):
             return state
         seen = self._with_former_places(state, seen)
-        retreat = self.planner.plan_retreat(plan, seen)
-        rest = self.planner.remaining_clearance(plan, seen)
-        if waits and retreat.clearance <= rest.minimum:
+        retreat = self.planner.plan_retreat(state.travelled_to(seen.arm.position), seen)
+        if waits and not self._is_better(retreat, plan, seen):
             return state  # There is no better place than where the arm is going.
         return state.later(Pending(due, Effect.MOVEMENT, retreat, suspended_plan=reach))
+
+    def _is_better(self, retreat: ReachPlan, plan: ReachPlan, seen: Observation) -> bool:
+        """True if a retreat has more clearance than the rest of another, on its path or at its end.
+
+        Any new movement begins at rest: one that gains little would lose time.
+        """
+        rest = self.planner.remaining_clearance(plan, seen)
+        least = self.planner.params.retreat.max_clearance_loss
+        if retreat.clearance > rest.minimum + least:
+            return True
+        if retreat.joint_path is None:
+            return False
+        end = self.planner.remaining_clearance(retreat, seen).distances[-1]
+        return bool(end > rest.distances[-1] + least)

@@ -15,6 +15,7 @@ from pepper_drake.learning.dmp.obstacle_coupling import BarrierCoupling
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement import Movement
+from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import (
@@ -95,6 +96,7 @@ class ScriptedPlanner:
         distances: Distances by time from now, in place of these two.
         stale: Space on the path that was not seen lately.
         stale_after_a_visit: The same once something came in the way.
+        travelled: The path for which a retreat was last asked.
         asked: Name and observation of each question.
     """
 
@@ -104,7 +106,12 @@ class ScriptedPlanner:
     reach: ReachPlan = field(default_factory=plan)
     detour: ReachPlan = field(default_factory=path_plan)
     back: ReachPlan = field(
-        default_factory=lambda: replace(path_plan(), status=PlanStatus.OUT_OF_REACH, clearance=0.05)
+        default_factory=lambda: replace(
+            path_plan(),
+            status=PlanStatus.OUT_OF_REACH,
+            clearance=0.05,
+            movement=replace(DEMONSTRATED, origin=Origin.RETREAT),
+        )
     )
     home: ReachPlan = field(default_factory=lambda: NO_DETOUR)
     ahead_on_return: float = 0.1
@@ -113,6 +120,7 @@ class ScriptedPlanner:
     distances: dict[float, float] = field(default_factory=dict)
     stale: StaleSpace = field(default_factory=StaleSpace)
     stale_after_a_visit: StaleSpace = field(default_factory=StaleSpace)
+    travelled: npt.NDArray[np.float64] | None = None
     asked: list[tuple[str, Observation]] = field(default_factory=list)
     demonstrated: Movement = DEMONSTRATED
     params: ReachPlannerParams = field(default_factory=ReachPlannerParams)
@@ -142,12 +150,18 @@ class ScriptedPlanner:
         self.asked.append(("replan", observation))
         return self.detour
 
-    def plan_retreat(self, plan: ReachPlan, observation: Observation) -> ReachPlan:
+    def plan_retreat(
+        self, travelled: npt.NDArray[np.float64], observation: Observation
+    ) -> ReachPlan:
         self.asked.append(("plan_retreat", observation))
+        self.travelled = travelled
         return self.back
 
     def plan_return(
-        self, plan: ReachPlan, posture: npt.NDArray[np.float64], observation: Observation
+        self,
+        travelled: npt.NDArray[np.float64],
+        posture: npt.NDArray[np.float64],
+        observation: Observation,
     ) -> ReachPlan:
         self.asked.append(("plan_return", observation))
         return self.home

@@ -126,11 +126,16 @@ def test_the_arm_returns_to_the_posture_in_which_it_started():
     first, asked = one.state.started_with.arm.position, []
     planner = one.planner
     answer = planner.plan_return
-    planner.plan_return = lambda reach, posture, seen: (
-        asked.append((reach, posture)) or answer(reach, posture, seen)
+    planner.plan_return = lambda travelled, posture, seen: (
+        asked.append((travelled, posture)) or answer(travelled, posture, seen)
     )
     until_it_returns(one)
-    assert asked == [(one.state.suspended_plan, first)]
+    [(travelled, posture)] = asked
+    assert posture is first
+    # The path on which the arm came, and not that of the retreat on which it waits.
+    came = one.state.suspended_plan.joint_path
+    np.testing.assert_array_equal(travelled, came[: len(travelled)])
+    assert travelled[-1, 0] == pytest.approx(one.seen.arm.position[0], abs=0.15)
 
 
 def test_before_it_drives_elsewhere_the_robot_looks_at_the_scene_again():

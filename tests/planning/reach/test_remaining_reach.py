@@ -79,7 +79,7 @@ def reached(at_the_table, plan):
 
 def test_the_arm_finds_back_to_where_it_started(tolerant, at_the_table, true_clearance):
     plan = tolerant.check_reach(at_the_table)
-    back = tolerant.plan_return(plan, STAND[ARM], reached(at_the_table, plan))
+    back = tolerant.plan_return(plan.joint_path, STAND[ARM], reached(at_the_table, plan))
     assert (back.status, back.movement.origin) == (PlanStatus.CLEAR, Origin.RETURN)
     np.testing.assert_array_equal(back.joint_path[0], plan.joint_path[-1])
     np.testing.assert_allclose(back.joint_path[-1], STAND[ARM], atol=0.02)
@@ -91,7 +91,7 @@ def test_the_arm_finds_back_to_where_it_started(tolerant, at_the_table, true_cle
 def test_the_way_back_does_not_follow_the_goal_object(tolerant, at_the_table):
     """With the object it moved, through what was not checked."""
     plan = tolerant.check_reach(at_the_table)
-    back = tolerant.plan_return(plan, STAND[ARM], reached(at_the_table, plan)).movement
+    back = tolerant.plan_return(plan.joint_path, STAND[ARM], reached(at_the_table, plan)).movement
     evaluator = tolerant._evaluator
     X_TH = RigidTransform(evaluator.kinematics.hand_pose(STAND[ARM]))
     for moved in (0.0, 0.2):
@@ -108,13 +108,13 @@ def test_the_arm_does_not_go_back_through_what_came_in_between(tolerant, at_the_
     hand = MODEL.pose(context, "r_hand_effector").translation()
     ball = hand + 0.03 * np.random.default_rng(0).standard_normal((60, 3))
     blocked = replace(there, cloud=np.concatenate((TABLE, ball)))
-    assert tolerant.plan_return(plan, STAND[ARM], blocked).status != PlanStatus.CLEAR
+    assert tolerant.plan_return(plan.joint_path, STAND[ARM], blocked).status != PlanStatus.CLEAR
 
 
 def test_without_adaptation_no_way_back_is_planned(right_primitive, at_the_table):
     reactive = make_planner(right_primitive, make_coupling("barrier"), adapt=False)
     plan = reactive.simulate_taught(at_the_table)
-    back = reactive.plan_return(plan, STAND[ARM], reached(at_the_table, plan))
+    back = reactive.plan_return(plan.joint_path, STAND[ARM], reached(at_the_table, plan))
     assert back.status == PlanStatus.NO_CLEAR_PATH
 
 

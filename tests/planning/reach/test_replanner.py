@@ -16,7 +16,6 @@ from tests.planning.reach.scripted_planner import (
     BESIDE,
     CLOUD,
     NO_DETOUR,
-    P_TG,
     STALE,
     THING,
     TIMING,
@@ -255,33 +254,6 @@ def test_a_little_less_clearance_is_no_reason_to_brake():
     assert one.state.active_movement == 2
 
 
-def test_without_detour_the_arm_retreats_waits_and_goes_on():
-    one = on_its_way(ahead=0.0, detour=NO_DETOUR)
-    reach = one.state.plan
-    one.look().advance(LATENCY.plan)
-    assert one.state.active_movement == 2
-    assert one.state.plan is one.planner.back
-    assert one.state.suspended_plan is reach
-    one.set(hand_position=P_TG)  # Where it waits is not where it was to arrive.
-    one.look()
-    one.planner.back = NO_DETOUR  # No better place.
-    one.look().advance(0.3).look().advance(0.3)
-    assert one.state.mode == ReachMode.REACHING
-    one.planner.ahead, one.planner.detour = 0.02, path_plan()
-    one.look().advance(LATENCY.plan)
-    assert one.state.plan is one.planner.detour
-    assert one.state.suspended_plan is None
-    one.image_time = None
-    one.until(ReachMode.DONE, limit=20.0)
-
-
-def test_an_arm_that_retreats_does_not_brake_for_what_it_flees_from():
-    one = on_its_way(ahead=0.0, ahead_from=0.0, detour=NO_DETOUR).look().advance(LATENCY.plan)
-    assert one.state.plan is one.planner.back
-    for _ in range(5):
-        assert one.look().advance(0.15).state.active_movement > 1
-
-
 def test_a_detour_keeps_more_distance_from_new_obstacles_than_the_check():
     one = on_its_way(ahead=0.004).set(cloud=BESIDE[None]).look()
     for name, reach in (("remaining_clearance", 0.0), ("replan", NewObstacleParams().dilation)):
@@ -390,35 +362,6 @@ def test_what_is_predicted_where_it_was_before_the_wait_stands(moved, stands):
     assert one.time - one.state.since >= TIMING.detour_delay
 
 
-def test_the_arm_does_not_retreat_to_where_something_was_that_may_come_back():
-    one = on_its_way(ahead=0.0)
-    one.set(cloud=CLOUD[:1], predicted_cloud=X_WO.translation()[None]).look()
-    seen = one.planner.last("plan_retreat")
-    assert np.linalg.norm(seen.cloud - CLOUD[1], axis=1).min() < 1e-9
-
-
-def test_an_arm_that_retreats_does_not_turn_for_a_place_that_is_no_better():
-    one = on_its_way(ahead=0.0).set(predicted_cloud=X_WO.translation()[None])
-    one.look().advance(LATENCY.plan)
-    assert one.state.movements == 2
-    one.planner.back = path_plan(clearance=0.0)
-    one.look().advance(0.3)
-    assert one.state.movements == 2
-    one.planner.back = path_plan(clearance=0.01)
-    one.look().advance(LATENCY.plan)
-    assert one.state.movements == 3
-
-
-def test_what_comes_while_the_hand_holds_makes_it_retreat():
-    one = on_its_way(detour=NO_DETOUR).set(hand_position=P_TG)
-    one.image_time = None
-    one.until(ReachMode.HOLDING)
-    one.planner.ahead = 0.0
-    one.look().advance(LATENCY.plan)
-    assert one.state.mode == ReachMode.REACHING
-    assert one.state.plan is one.planner.back
-
-
 def test_a_plan_that_is_not_checked_is_held_against_nothing():
     one = Supervised()
     one.planner.reach = replace(path_plan(), collision_checked=False)
@@ -439,19 +382,6 @@ def test_an_arm_on_its_way_to_where_something_is_predicted_brakes_and_goes_on_by
     one.advance(LATENCY.plan + 2.0 * STEP)
     assert one.state.mode == ReachMode.REACHING
     assert one.state.active_movement == 2
-
-
-def test_an_arm_that_withdraws_to_where_something_is_predicted_seeks_another_place():
-    one = on_its_way(ahead=0.0, ahead_from=0.0).set(predicted_cloud=BESIDE[None]).look()
-    one.advance(LATENCY.plan + STEP)
-    assert one.state.suspended_plan is not None
-    retreats = one.planner.questions().count("plan_retreat")
-    one.set(predicted_clearance=0.001)
-    assert one.step().active_movement == 0
-    one.set(predicted_clearance=np.inf).look().advance(LATENCY.plan + 2.0 * STEP)
-    assert one.planner.questions().count("plan_retreat") > retreats
-    assert one.state.active_movement > 2
-    assert one.state.mode == ReachMode.REACHING
 
 
 def test_the_head_looks_at_what_the_arm_waits_for():

@@ -90,15 +90,26 @@ def test_near_what_came_the_arm_is_as_slow_as_a_touch_may_be(shrunk):
     assert one.state.speed == pytest.approx(slow)
 
 
-@pytest.mark.parametrize(("ahead", "slow"), [(0.02, True), (0.12, False)])
-def test_a_retreat_is_slow_only_while_it_does_not_leave_what_came(ahead, slow):
+@pytest.mark.parametrize(
+    ("distances", "slow"),
+    [
+        ({0.0: 0.02, 0.1: 0.02}, True),
+        ({0.0: 0.02, 0.1: 0.12}, False),
+        # First a little nearer: at 0.3 m/s what came covers 60 mm meanwhile.
+        ({0.0: 0.12, 0.2: 0.11, 0.4: 0.13}, False),
+        ({0.0: 0.12, 0.2: 0.08, 0.4: 0.13}, True),
+        # After that it is gone: how near the path comes to its place later is seen later.
+        ({0.0: 0.12, 0.2: 0.11, 0.4: 0.13, 0.8: 0.01}, False),
+    ],
+)
+def test_a_retreat_is_slow_only_while_it_does_not_leave_what_came(distances, slow):
     one = on_its_way(ahead=0.0, detour=NO_DETOUR)
     one.set(cloud=np.concatenate((CLOUD, THING)))
     one.look().advance(0.3)
     assert one.state.suspended_plan is not None
     one.planner.stale_after_a_visit = StaleSpace(time=0.0, fastest=0.5, distance=0.05)
     # The distance to what came, now and after so long on the way back.
-    one.planner.distances = {0.0: 0.02, 0.1: ahead}
+    one.planner.distances = distances
     stale = one.look().state.stale
     assert stale.time == np.inf  # It goes where it was, seen lately or not.
     assert stale.distance == (0.05 if slow else np.inf)
