@@ -95,13 +95,14 @@ class ReachEvaluator:
                 task.axis,
             )
 
-    def quality(self, plan: ReachPlan) -> tuple[bool, bool, float, float]:
+    def quality(self, plan: ReachPlan) -> tuple[bool, bool, bool, float, float]:
         """Returns the sort key of a plan; see `reach_plan.quality`."""
-        return quality(plan, self.params.clearance.want)
+        return quality(plan, self.params)
 
     def is_good(self, plan: ReachPlan) -> bool:
-        """True if a plan is clear and has the clearance `want`."""
-        return plan.status == PlanStatus.CLEAR and plan.clearance >= self.params.clearance.want
+        """True if a plan is clear, has the clearance `want`, and is followed closely."""
+        clear, _, followed, *_ = self.quality(plan)
+        return clear and followed and plan.clearance >= self.params.clearance.want
 
     def adapted(
         self,
@@ -237,6 +238,7 @@ class ReachEvaluator:
             movement,
             collision_checked,
             self.time_step,
+            following_error=behind,
         )
 
     def explained(self, refused: ReachPlan, observation: Observation) -> ReachPlan:

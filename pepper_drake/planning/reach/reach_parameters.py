@@ -54,9 +54,13 @@ class FollowingErrors:
     """Largest deviations of the arm from its references.
 
     Raises:
-        InputError: `plan` is not smaller than `stop`.
+        InputError: Not 0 <= good <= plan < stop.
     """
 
+    good: float = 0.02
+    """Largest distance of the hand to the primitive's path in a good plan [m]: where the coupling
+    throws it farther off its path, as at the edge of a box, the arm does not follow, and where it
+    swings instead depends on details of the cloud."""
     plan: float = 0.12
     """Largest distance of the hand to the primitive's path in an accepted plan [m]."""
     stop: float = 0.20
@@ -70,10 +74,15 @@ class FollowingErrors:
         self.check()
 
     def check(self) -> None:
-        """Raises InputError unless plan < stop; see `ClearanceTable.check`."""
+        """Raises InputError unless 0 <= good <= plan < stop; see `ClearanceTable.check`."""
         if not self.plan < self.stop:
             raise InputError(
                 f"following.stop is {self.stop:g} m; it must be greater than "
+                f"following.plan, {self.plan:g} m"
+            )
+        if not 0.0 <= self.good <= self.plan:
+            raise InputError(
+                f"following.good is {self.good:g} m; it must be between 0 and "
                 f"following.plan, {self.plan:g} m"
             )
 

@@ -61,6 +61,7 @@ class ReachPlan:
             all was seen.
         p_WO: Position of the goal object (3,) in W that it leads to [m]; None if nothing is said
             of it.
+        following_error: Largest distance of the hand to its reference on the path [m].
     """
 
     __repr__ = short_repr
@@ -80,6 +81,7 @@ class ReachPlan:
     hip_pitch: float | None = None
     look_at: Vector = field(default_factory=lambda: np.full(3, np.nan))
     p_WO: Vector | None = None
+    following_error: float = 0.0
 
     def invalid_reason(self, p_WO: Vector, reach: float, tolerance: float) -> str | None:
         """Returns a sentence about a value that no correct planner returns, or None.
@@ -272,12 +274,13 @@ class Planner(Protocol):
         ...
 
 
-def quality(plan: ReachPlan, wanted_clearance: float) -> tuple[bool, bool, float, float]:
-    """Returns a sort key of plans: clear, arriving, clearance up to the wanted one, duration."""
+def quality(plan: ReachPlan, params: ReachPlannerParams) -> tuple[bool, bool, bool, float, float]:
+    """Returns a sort key of plans: clear, arriving, followed closely, clearance, duration."""
     arrives = plan.status in (PlanStatus.CLEAR, PlanStatus.NO_CLEAR_PATH)
     return (
         plan.status == PlanStatus.CLEAR,
         arrives,
-        min(plan.clearance, wanted_clearance) if arrives else -plan.position_error,
+        plan.following_error <= params.following.good,
+        min(plan.clearance, params.clearance.want) if arrives else -plan.position_error,
         -plan.movement.primitive.duration if plan.movement is not None else -np.inf,
     )
