@@ -44,6 +44,8 @@ def test_tolerances_and_following_errors_have_an_order_too():
         GoalTolerances(arrive=0.02, accept=0.01)
     with pytest.raises(InputError, match=r"following\.stop"):
         FollowingErrors(plan=0.3, stop=0.2)
+    with pytest.raises(InputError, match=r"following\.good"):
+        FollowingErrors(good=0.13)
 
 
 @pytest.mark.parametrize("parameters", [ReachPlannerParams(), ReachTiming()])

@@ -17,9 +17,14 @@ from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
+from pepper_drake.planning.collision.clearance_table import ClearanceTable
 from pepper_drake.planning.ik.goal_configurations import axis_error
 from pepper_drake.planning.reach.movement_origin import Origin
-from pepper_drake.planning.reach.reach_parameters import GoalTolerances, ReachPlannerParams
+from pepper_drake.planning.reach.reach_parameters import (
+    FollowingErrors,
+    GoalTolerances,
+    ReachPlannerParams,
+)
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.swept_space import UnseenSpaceParams
 from pepper_drake.planning.trajectories.adaptation_params import GoalAxis
@@ -356,3 +361,56 @@ def test_what_was_found_for_the_stand_is_tried_first(planner, at_the_table):
     again = planner.check_reach(at_the_table, found.movement)
     assert again.movement is found.movement
     np.testing.assert_allclose(again.joint_path, found.joint_path, atol=1e-9)
+
+
+NARROW = ClearanceTable(0.0005, 0.001, 0.002, 0.003, 0.004, 0.006, 0.020, 0.060)
+"""Clearances of which less than 7 mm is as much as is wanted."""
+
+
+def test_a_movement_that_the_coupling_throws_off_its_path_is_adapted(
+    right_primitive, tolerant, at_the_table
+):
+    """On it the arm swings elsewhere than it was simulated, as no two clouds are the same."""
+    taught = tolerant.simulate_taught(at_the_table)
+    good = tolerant.params.following.good
+    assert taught.status == PlanStatus.CLEAR
+    assert taught.clearance > NARROW.want
+    for limit, origin in ((0.06, Origin.TAUGHT), (good, Origin.ADAPTED)):
+        following = FollowingErrors(good=limit)
+        one = make_planner(
+            right_primitive,
+            make_coupling("barrier"),
+            axis=GoalAxis(tolerance=1.0),
+            clearance=NARROW,
+            following=following,
+        )
+        plan = one.check_reach(at_the_table)
+        assert (plan.status, plan.movement.origin) == (PlanStatus.CLEAR, origin)
+        assert (plan.following_error <= good) == (origin == Origin.ADAPTED)
+
+
+def test_a_path_that_is_followed_closely_is_better_than_a_wider_one(planner):
+    wide = replace(stand(planner, object_at()), clearance=0.03, following_error=0.021)
+    close = replace(wide, clearance=0.006, following_error=0.019)
+    assert planner._evaluator.quality(close) > planner._evaluator.quality(wide)
+    refused = replace(close, status=PlanStatus.NO_CLEAR_PATH)
+    assert planner._evaluator.quality(wide) > planner._evaluator.quality(refused)
+
+
+def test_the_following_error_is_the_largest_distance_of_the_hand_to_its_reference(
+    tolerant, at_the_table
+):
+    plan = tolerant.simulate_taught(at_the_table)
+    evaluator = tolerant._evaluator
+    scene = evaluator.scenes(at_the_table)
+    X_TG = plan.movement.hand_goal(scene.X_TO)
+    wanted = evaluator._simulator.roll_out(plan.movement, scene.arm, X_TG, scene.field).positions
+    context = MODEL.create_context()
+    distances = []
+    for joints, hand in zip(plan.joint_path, wanted, strict=False):
+        MODEL.plant.SetPositions(
+            context, MODEL.positions(np.r_[STAND[: ARM[0]], joints, STAND[ARM[-1] + 1 :]], ORIGIN)
+        )
+        X_TH = MODEL.pose(context, "torso").inverse() @ MODEL.pose(context, "r_hand_effector")
+        distances.append(np.linalg.norm(X_TH.translation() - hand))
+    assert plan.following_error == pytest.approx(max(distances), abs=1e-6)
