@@ -13,7 +13,7 @@ from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
 from pepper_drake.planning.reach.reach_plan import Planner, PlanStatus, ReachPlan
 from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
-from pepper_drake.planning.reach.separation import StaleSpace
+from pepper_drake.planning.reach.separation import StaleSpace, escapes
 from pepper_drake.planning.safety.compiled_limits import stopping_distance
 from pepper_drake.planning.trajectories.retreat import (
     carries_object,
@@ -181,19 +181,15 @@ class ReachReplanner:
     ) -> StaleSpace:
         """Returns the distance to new points (N, 3) [m] that a retreat does not move away from.
 
-        A retreat goes back where the arm came from, and no slower than it can as long as it leaves
-        what came, soon or before that can have come near. Past it the arm is as slow as on any
-        other movement: the part of it that is nearest to the arm is often hidden by the arm.
+        A retreat goes back where the arm came from, and no slower than it can as long as it escapes
+        from what came. Past it the arm is as slow as on any other movement: the part of it that is
+        nearest to the arm is often hidden by the arm.
         """
         if not len(new):
             return StaleSpace()
         rest = self.planner.remaining_clearance(plan, observation.with_cloud(new))
-        leaves = rest.distances > rest.distances[0]
-        escape = int(np.argmax(leaves)) if leaves.any() else len(leaves)
-        separation = self.timing.separation
-        nearer = rest.distances - separation.approach_speed * rest.times
-        soon = rest.distances[rest.times <= self.planner.params.new_obstacle.escape_time]
-        if soon[-1] > soon[0] or nearer[:escape].min() > separation.intrusion:
+        soon = self.planner.params.new_obstacle.escape_time
+        if escapes(rest.times, rest.distances, soon, self.timing.separation):
             return StaleSpace()
         return self.planner.stale_space(plan, observation, new, new[:0])._replace(time=np.inf)
 

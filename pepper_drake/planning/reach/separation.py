@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 
 @dataclass
@@ -73,6 +74,29 @@ def separated_speed(distance: float, params: SeparationParams) -> float:
     # v² / (2 a) + v (r + v_h / a) = room
     linear = r + v_h / a
     return float(a * (np.sqrt(linear**2 + 2.0 * room / a) - linear))
+
+
+def escapes(
+    times: npt.NDArray[np.float64],
+    distances: npt.NDArray[np.float64],
+    soon: float,
+    params: SeparationParams,
+) -> bool:
+    """True if a movement leaves a new obstacle soon, or before it can have come near.
+
+    Args:
+        times: Times (N,) along the rest of the movement, from 0 [s].
+        distances: Distances (N,) of the arm to the obstacle as it is now [m].
+        soon: Time within which the distance has to grow [s].
+        params: Speed and extent of the obstacle.
+    """
+    within = distances[times <= soon]
+    if within[-1] > within[0]:
+        return True
+    leaves = distances > distances[0]
+    until = int(np.argmax(leaves)) if leaves.any() else len(leaves)
+    approached = distances[:until] - params.approach_speed * times[:until]
+    return bool(approached.min() > params.intrusion)
 
 
 def speed_fraction(stale: StaleSpace, params: SeparationParams) -> float:
