@@ -130,8 +130,8 @@ class SeenSpace:
     def hanging(self, p_W: Points, gap: float, above: float, least: int) -> npt.NDArray[np.bool_]:
         """Tells which seen places (N, 3) are on objects hanging in the air, such as an arm.
 
-        Only such objects move by themselves. The space below their lowest visible part was seen to
-        be free; objects standing on a table, or with a hidden lower part, do not count.
+        Only such objects move by themselves. Below their lowest visible part nothing was seen that
+        carries them; whether that space is free is often hidden by what is in front of it.
 
         Args:
             p_W: Seen places [m].
@@ -140,16 +140,18 @@ class SeenSpace:
             least: Smallest number of points of an object.
         """
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
-        hangs = np.zeros(len(p_W), dtype=bool)
         if not len(p_W):
-            return hangs
+            return np.zeros(0, dtype=bool)
         labels = cluster_labels(p_W, gap)
-        for thing in np.flatnonzero(np.bincount(labels) >= least):
-            points = p_W[labels == thing]
-            lowest = points[points[:, 2] < points[:, 2].min() + gap]
-            state, _ = self.states(lowest - [0.0, 0.0, above], 0.0)
-            hangs[labels == thing] = np.mean(state == SpaceState.FREE) > 0.5
-        return hangs
+        sizes = np.bincount(labels)
+        bottom = np.full(len(sizes), np.inf)
+        np.minimum.at(bottom, labels, p_W[:, 2])
+        lowest = (sizes[labels] >= least) & (p_W[:, 2] < bottom[labels] + gap)
+        state, _ = self.states(p_W[lowest] - [0.0, 0.0, above], 0.0)
+        carried = np.bincount(labels[lowest], state == SpaceState.OCCUPIED, len(sizes))
+        of_lowest = np.bincount(labels[lowest], minlength=len(sizes))
+        hangs = (sizes >= least) & (carried < 0.5 * of_lowest)
+        return np.asarray(hangs[labels])
 
     def _free_age(self, p_W: Points, time: float, longest: float) -> npt.NDArray[np.float64]:
         """Returns the time (N,) since images up to an age `longest` saw places (N, 3) free [s]."""

@@ -88,8 +88,11 @@ class ReachReplanner:
         if is_under_way or returns:
             # A new obstacle without a predicted motion is stationary.
             moving = new if len(observation.predicted_cloud) else new[:0]
-            movable = np.concatenate((moving, state.hanging))
-            stale = self.planner.stale_space(plan, observation, new, movable)
+            # What hangs in the air may move, and reach farther than it is seen to, as an arm does.
+            hanging = self.hanging(observation)
+            movable = np.concatenate((moving, state.hanging, hanging))
+            near = np.concatenate((new, hanging))
+            stale = self.planner.stale_space(plan, observation, near, movable)
             # A narrow place slows the arm in the same way.
             ahead = rest if is_under_way else self.planner.remaining_clearance(plan, seen)
             narrow = ahead.time_below(self.planner.params.clearance.slow)
@@ -171,8 +174,8 @@ class ReachReplanner:
         if space is None or not near.any():
             return np.zeros((0, 3))
         cloud = observation.cloud[near]
-        cloud = cloud[~carries_object(cloud, observation.p_WO, params)]
         cloud = cloud[one_per_voxel(cloud, params.spacing)]
+        cloud = cloud[~carries_object(cloud, observation.p_WO, params)]
         hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.min_points)
         return cloud[hangs]
 

@@ -159,11 +159,26 @@ def test_nothing_is_below_nothing():
     assert seen((image(), 1.0, HOME)).hidden_below(np.zeros((0, 3)), 0.03).shape == (0, 3)
 
 
-def test_only_what_an_image_looked_through_below_hangs_in_the_air():
-    space = seen((image(), 1.0, HOME))
-    board = np.array([[-0.2 - 0.01 * k, 0.0, 1.8] for k in range(20)])
-    behind = board + [0.0, 0.0, 0.2]
-    hangs = space.hanging(np.concatenate((board, behind)), 0.03, 0.05, 10)
-    np.testing.assert_array_equal(hangs, [True] * 20 + [False] * 20)
-    assert not space.hanging(board, 0.03, 0.05, 21).any()
+def test_what_nothing_was_seen_to_carry_hangs_in_the_air():
+    # The camera looks down at a table from 0.9 m, with a board 0.6 m below it on one side.
+    above = RigidTransform(RollPitchYaw(np.pi, 0, 0), [0.0, 0.0, 1.2])
+    depth = np.full((CAMERA.height, CAMERA.width), 0.9, np.float32)
+    depth[:, :160] = 0.6
+    space = seen((depth, 1.0, above))
+    board = space.voxels.positions[space.voxels.positions[:, 2] > 0.5]
+    board = board[np.argsort(np.linalg.norm(board - board.mean(axis=0), axis=1))[:40]]
+    table = space.voxels.positions[space.voxels.positions[:, 2] < 0.4]
+    foot = table[np.argmin(np.linalg.norm(table[:, :2] - [0.2, 0.0], axis=1))]
+    standing = foot + np.array([[0.0, 0.0, 0.03 + 0.01 * k] for k in range(20)])
+    # Whether the space below the board is free is hidden by the board.
+    hidden = board - [0.0, 0.0, 0.05]
+    assert (space.states(hidden, 1.0)[0] == SpaceState.UNKNOWN).mean() > 0.5
+    # In front of it, it was looked through.
+    floating = standing + [0.0, 0.1, 0.2]
+    assert (space.states(floating - [0.0, 0.0, 0.05], 1.0)[0] == SpaceState.FREE).all()
+    places = np.concatenate((board, standing, floating))
+    hangs = space.hanging(places, 0.03, 0.05, 10)
+    np.testing.assert_array_equal(hangs, [True] * 40 + [False] * 20 + [True] * 20)
+    few = space.hanging(places, 0.03, 0.05, 21)
+    np.testing.assert_array_equal(few, [True] * 40 + [False] * 40)
     assert space.hanging(np.zeros((0, 3)), 0.03, 0.05, 10).shape == (0,)

@@ -1,5 +1,7 @@
 """The speed before space that was not seen lately: what stops in time, what may touch."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -88,6 +90,18 @@ def test_near_what_came_the_arm_is_as_slow_as_a_touch_may_be(shrunk):
     # Many points at one place are noise.
     slow = PARAMS.touch_speed / near.fastest if shrunk == 1.0 else 1.0
     assert one.state.speed == pytest.approx(slow)
+
+
+@pytest.mark.parametrize("hangs", [True, False])
+def test_near_what_hangs_in_the_air_the_arm_is_as_slow(hangs):
+    """It may move, and reach farther than it is seen to: a person's arm behind the goal object."""
+    one = on_its_way()
+    near = StaleSpace(fastest=0.5, distance=0.05)
+    one.planner.stale_after_a_visit = near
+    one.image_time = None
+    one.set(space=SimpleNamespace(views=[], hanging=lambda cloud, *_: np.full(len(cloud), hangs)))
+    one.advance(0.5)
+    assert one.state.speed == pytest.approx(PARAMS.touch_speed / near.fastest if hangs else 1.0)
 
 
 @pytest.mark.parametrize(
