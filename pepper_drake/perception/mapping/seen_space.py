@@ -127,17 +127,21 @@ class SeenSpace:
             below = below - [0.0, 0.0, spacing]
         return np.concatenate(hidden) if hidden else np.zeros((0, 3))
 
-    def hanging(self, p_W: Points, gap: float, above: float, least: int) -> npt.NDArray[np.bool_]:
+    def hanging(
+        self, p_W: Points, gap: float, above: float, least: int, share: float
+    ) -> npt.NDArray[np.bool_]:
         """Tells which seen places (N, 3) are on objects hanging in the air, such as an arm.
 
-        Only such objects move by themselves. Below their lowest visible part nothing was seen that
-        carries them; whether that space is free is often hidden by what is in front of it.
+        Only such objects move by themselves. Some of the space below their lowest visible part was
+        seen to be free, the rest may be hidden; objects standing on a table do not count, nor those
+        all of whose lower part is hidden.
 
         Args:
             p_W: Seen places [m].
             gap: Largest distance of neighbouring points of one object [m].
             above: Height of the free space below the lowest part [m].
             least: Smallest number of points of an object.
+            share: Least share of the space below the lowest part that was seen to be free.
         """
         p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
         if not len(p_W):
@@ -148,10 +152,30 @@ class SeenSpace:
         np.minimum.at(bottom, labels, p_W[:, 2])
         lowest = (sizes[labels] >= least) & (p_W[:, 2] < bottom[labels] + gap)
         state, _ = self.states(p_W[lowest] - [0.0, 0.0, above], 0.0)
-        carried = np.bincount(labels[lowest], state == SpaceState.OCCUPIED, len(sizes))
+        free = np.bincount(labels[lowest], state == SpaceState.FREE, len(sizes))
         of_lowest = np.bincount(labels[lowest], minlength=len(sizes))
-        hangs = (sizes >= least) & (carried < 0.5 * of_lowest)
+        hangs = (sizes >= least) & (free > share * of_lowest)
         return np.asarray(hangs[labels])
+
+    def end_hidden(self, p_W: Points, gap: float, beyond: float) -> npt.NDArray[np.bool_]:
+        """Tells which seen places (N, 3) are on objects that may reach farther than it is seen.
+
+        An object that slides along its longest axis shows that only at its ends. The space beyond
+        one of them was not seen to be free.
+
+        Args:
+            p_W: Seen places [m].
+            gap: Largest distance of neighbouring points of one object [m].
+            beyond: How far beyond an end the space has to be free [m].
+        """
+        p_W = np.asarray(p_W, dtype=float).reshape(-1, 3)
+        if not len(p_W):
+            return np.zeros(0, dtype=bool)
+        labels = cluster_labels(p_W, gap)
+        ends = np.concatenate([_beyond_ends(p_W[labels == k], beyond) for k in np.unique(labels)])
+        state, _ = self.states(ends, 0.0)
+        hidden = (state != SpaceState.FREE).reshape(-1, 2).any(axis=1)
+        return np.asarray(hidden[labels])
 
     def _free_age(self, p_W: Points, time: float, longest: float) -> npt.NDArray[np.float64]:
         """Returns the time (N,) since images up to an age `longest` saw places (N, 3) free [s]."""
@@ -169,6 +193,19 @@ class SeenSpace:
     def _reach(self) -> float:
         """Distance from a voxel within which places count as occupied [m]."""
         return self.parameters.voxel_size + self.parameters.carve_margin
+
+
+def _beyond_ends(points: Points, beyond: float) -> Points:
+    """Returns the places (2, 3) beyond both ends of points (N, 3) along their longest axis [m]."""
+    middle = points.mean(axis=0)
+    axis = np.linalg.svd(points - middle, full_matrices=False)[2][0]
+    along = (points - middle) @ axis
+    ends = []
+    for end, sign in ((along.min(), -1.0), (along.max(), 1.0)):
+        tip = points[np.abs(along - end) <= beyond].mean(axis=0)
+        tip = tip + (end - (tip - middle) @ axis) * axis
+        ends.append(tip + sign * beyond * axis)
+    return np.array(ends)
 
 
 def describe_place(p_T: Points) -> str:

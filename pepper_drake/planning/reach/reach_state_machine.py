@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from pepper_drake.planning.reach.drive_supervision import ROUNDING
+from pepper_drake.planning.reach.hanging_things import hanging_things
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
@@ -156,7 +157,7 @@ class _Supervision(ReturnSupervision):
             if plan.status == PlanStatus.CLEAR:
                 seen = result.observation
                 assert seen is not None
-                hanging = self._replanner.hanging(seen)
+                hanging = hanging_things(seen, self._planner.params.new_obstacle).all
                 return replace(
                     state, plan=plan, planned_with=seen, started_with=seen, hanging=hanging
                 )

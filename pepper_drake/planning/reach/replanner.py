@@ -7,6 +7,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from pepper_drake.perception.mapping.voxel_map import one_per_voxel
+from pepper_drake.planning.reach.hanging_things import hanging_things
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.observation import Observation
@@ -16,7 +17,6 @@ from pepper_drake.planning.reach.reach_state import Effect, Pending, ReachState
 from pepper_drake.planning.reach.separation import StaleSpace, escapes
 from pepper_drake.planning.safety.compiled_limits import stopping_distance
 from pepper_drake.planning.trajectories.retreat import (
-    carries_object,
     dilate_new_points,
     extrude_new_points_down,
     new_points,
@@ -88,10 +88,9 @@ class ReachReplanner:
         if is_under_way or returns:
             # A new obstacle without a predicted motion is stationary.
             moving = new if len(observation.predicted_cloud) else new[:0]
-            # What hangs in the air may move, and reach farther than it is seen to, as an arm does.
-            hanging = self.hanging(observation)
+            hanging, coming = hanging_things(observation, self.planner.params.new_obstacle)
             movable = np.concatenate((moving, state.hanging, hanging))
-            near = np.concatenate((new, hanging))
+            near = np.concatenate((new, coming))
             stale = self.planner.stale_space(plan, observation, near, movable)
             # A narrow place slows the arm in the same way.
             ahead = rest if is_under_way else self.planner.remaining_clearance(plan, seen)
@@ -164,20 +163,6 @@ class ReachReplanner:
         new = new_points(observation.cloud, began.cloud_tree, observation.p_WO, params)
         new = new[one_per_voxel(new, params.spacing)]
         return new if len(new) >= params.min_points else new[:0]
-
-    def hanging(self, observation: Observation) -> Vector:
-        """Returns points (N, 3) of things near the goal that hang in the air, in W [m]."""
-        space, params = observation.space, self.planner.params.new_obstacle
-        near = (
-            np.linalg.norm(observation.cloud - observation.p_WO, axis=1) < params.max_goal_distance
-        )
-        if space is None or not near.any():
-            return np.zeros((0, 3))
-        cloud = observation.cloud[near]
-        cloud = cloud[one_per_voxel(cloud, params.spacing)]
-        cloud = cloud[~carries_object(cloud, observation.p_WO, params)]
-        hangs = space.hanging(cloud, params.hanging_gap, params.hanging_above, params.min_points)
-        return cloud[hangs]
 
     def _retreat_separation(
         self, plan: ReachPlan, observation: Observation, new: Vector

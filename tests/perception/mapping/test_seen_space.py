@@ -159,26 +159,62 @@ def test_nothing_is_below_nothing():
     assert seen((image(), 1.0, HOME)).hidden_below(np.zeros((0, 3)), 0.03).shape == (0, 3)
 
 
-def test_what_nothing_was_seen_to_carry_hangs_in_the_air():
-    # The camera looks down at a table from 0.9 m, with a board 0.6 m below it on one side.
-    above = RigidTransform(RollPitchYaw(np.pi, 0, 0), [0.0, 0.0, 1.2])
-    depth = np.full((CAMERA.height, CAMERA.width), 0.9, np.float32)
-    depth[:, :160] = 0.6
-    space = seen((depth, 1.0, above))
-    board = space.voxels.positions[space.voxels.positions[:, 2] > 0.5]
-    board = board[np.argsort(np.linalg.norm(board - board.mean(axis=0), axis=1))[:40]]
+def looking_down(depth):
+    """Space that was seen by a camera 1.2 m high that looks down."""
+    return seen((depth, 1.0, RigidTransform(RollPitchYaw(np.pi, 0, 0), [0.0, 0.0, 1.2])))
+
+
+TABLE = np.full((CAMERA.height, CAMERA.width), 0.9, np.float32)
+"""A table 0.3 m high."""
+
+
+def column(space, beside=0.0, above=0.0):
+    """Points of a thing 0.2 m high on the table, beside its middle, or above it."""
     table = space.voxels.positions[space.voxels.positions[:, 2] < 0.4]
     foot = table[np.argmin(np.linalg.norm(table[:, :2] - [0.2, 0.0], axis=1))]
-    standing = foot + np.array([[0.0, 0.0, 0.03 + 0.01 * k] for k in range(20)])
-    # Whether the space below the board is free is hidden by the board.
-    hidden = board - [0.0, 0.0, 0.05]
-    assert (space.states(hidden, 1.0)[0] == SpaceState.UNKNOWN).mean() > 0.5
-    # In front of it, it was looked through.
-    floating = standing + [0.0, 0.1, 0.2]
-    assert (space.states(floating - [0.0, 0.0, 0.05], 1.0)[0] == SpaceState.FREE).all()
-    places = np.concatenate((board, standing, floating))
-    hangs = space.hanging(places, 0.03, 0.05, 10)
-    np.testing.assert_array_equal(hangs, [True] * 40 + [False] * 20 + [True] * 20)
-    few = space.hanging(places, 0.03, 0.05, 21)
-    np.testing.assert_array_equal(few, [True] * 40 + [False] * 40)
-    assert space.hanging(np.zeros((0, 3)), 0.03, 0.05, 10).shape == (0,)
+    return foot + np.array([[0.0, beside, above + 0.03 + 0.01 * k] for k in range(20)])
+
+
+def test_things_with_free_space_below_hang_in_the_air():
+    space = looking_down(TABLE)
+    standing, floating = column(space), column(space, beside=0.1, above=0.2)
+    below = space.states(floating - [0.0, 0.0, 0.05], 1.0)[0]
+    assert (below == FREE).all()
+    places = np.concatenate((standing, floating))
+    hangs = space.hanging(places, 0.03, 0.05, 10, 0.2)
+    np.testing.assert_array_equal(hangs, [False] * 20 + [True] * 20)
+    assert not space.hanging(places, 0.03, 0.05, 21, 0.2).any()
+    assert space.hanging(np.zeros((0, 3)), 0.03, 0.05, 10, 0.2).shape == (0,)
+
+
+@pytest.mark.parametrize(("share", "hangs"), [(0.2, True), (0.35, False)])
+def test_some_of_the_space_below_a_hanging_thing_may_be_hidden(share, hangs):
+    depth = TABLE.copy()
+    depth[:, :160] = 0.6  # A board on one side.
+    space = looking_down(depth)
+    board = space.voxels.positions[space.voxels.positions[:, 2] > 0.5]
+    board = board[np.argsort(np.linalg.norm(board - board.mean(axis=0), axis=1))[:40]]
+    hidden = space.states(board - [0.0, 0.0, 0.05], 1.0)[0]
+    assert (hidden == UNKNOWN).all()
+    assert not space.hanging(board, 0.03, 0.05, 10, 0.2).any()
+    # Another part of the same thing, over space that was looked through.
+    line = np.linspace(board[0], board[0] + [0.5, 0.0, 0.0], 60)
+    seen_below = (space.states(line - [0.0, 0.0, 0.05], 1.0)[0] == FREE).mean()
+    few = line[: round(60 * (1.0 - seen_below) / 0.7)]
+    assert 0.25 < (space.states(few - [0.0, 0.0, 0.05], 1.0)[0] == FREE).mean() < 0.33
+    assert space.hanging(few, 0.03, 0.05, 10, share).all() == hangs
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.6])
+def test_the_end_of_a_thing_is_hidden_where_nobody_looked_through_the_space_beyond(turned):
+    depth = TABLE.copy()
+    depth[:, :160] = 0.45  # A board above and on one side hides what is below it.
+    space = looking_down(depth)
+    rod = np.linspace([0.0, 0.0, 0.0], [0.2, 0.0, 0.0], 40)
+    rod = RigidTransform(RollPitchYaw(0.0, 0.0, turned), [0.06, 0.0, 0.5]) @ rod.T
+    in_view, half_hidden = rod.T, rod.T - [0.09, 0.0, 0.0]
+    assert not space.end_hidden(in_view, 0.03, 0.05).any()
+    assert space.end_hidden(half_hidden, 0.03, 0.05).all()
+    both = np.concatenate((in_view + [0.0, 0.0, 0.1], half_hidden))
+    np.testing.assert_array_equal(space.end_hidden(both, 0.03, 0.05), [False] * 40 + [True] * 40)
+    assert space.end_hidden(np.zeros((0, 3)), 0.03, 0.05).shape == (0,)

@@ -92,16 +92,21 @@ def test_near_what_came_the_arm_is_as_slow_as_a_touch_may_be(shrunk):
     assert one.state.speed == pytest.approx(slow)
 
 
-@pytest.mark.parametrize("hangs", [True, False])
-def test_near_what_hangs_in_the_air_the_arm_is_as_slow(hangs):
-    """It may move, and reach farther than it is seen to: a person's arm behind the goal object."""
+@pytest.mark.parametrize("hidden", [True, False])
+def test_near_what_may_come_along_its_axis_unseen_the_arm_is_as_slow(hidden):
+    """A person's arm behind the goal object reaches farther than it is seen to."""
     one = on_its_way()
     near = StaleSpace(fastest=0.5, distance=0.05)
     one.planner.stale_after_a_visit = near
     one.image_time = None
-    one.set(space=SimpleNamespace(views=[], hanging=lambda cloud, *_: np.full(len(cloud), hangs)))
+    space = SimpleNamespace(
+        views=[],
+        hanging=lambda cloud, *_: np.ones(len(cloud), dtype=bool),
+        end_hidden=lambda cloud, *_: np.full(len(cloud), hidden),
+    )
+    one.set(space=space)
     one.advance(0.5)
-    assert one.state.speed == pytest.approx(PARAMS.touch_speed / near.fastest if hangs else 1.0)
+    assert one.state.speed == pytest.approx(PARAMS.touch_speed / near.fastest if hidden else 1.0)
 
 
 @pytest.mark.parametrize(
