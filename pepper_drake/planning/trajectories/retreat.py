@@ -82,8 +82,9 @@ class NewObstacleParams:
     hanging_share: float = 0.2
     """Least share of that space that was seen to be free; the rest may be hidden."""
     hanging_end: float = 0.05
-    """How far beyond both of its ends the space must have been seen to be free [m]; otherwise such
-    an object may come along its own axis unseen, and the arm is slow near it, as near a new one."""
+    """Distance beyond each of its ends within which the space must have been seen to be free [m];
+    otherwise such an object may come along its axis unseen, and the arm is as slow near it as near
+    a new one."""
     hanging_gap: float = 0.03
     """Largest distance between neighbouring points of such an object [m]."""
     carrier_near: float = 0.12

@@ -71,7 +71,7 @@ def test_an_arm_that_retreats_does_not_turn_for_a_place_that_is_no_better():
 
 @pytest.mark.parametrize(("better", "turns"), [(0.009, False), (0.011, True)])
 def test_an_arm_that_something_is_near_goes_on_to_where_it_will_be_clear(better, turns):
-    """Where it is now it is as near on any path; what counts is the end."""
+    """At first it is as near on any path; what counts is the end."""
     one = on_its_way(ahead=0.0).set(predicted_cloud=X_WO.translation()[None])
     one.look().advance(LATENCY.plan)
     aside = replace(one.planner.back, clearance=0.0)
