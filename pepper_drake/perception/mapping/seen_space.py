@@ -154,7 +154,7 @@ class SeenSpace:
         state, _ = self.states(p_W[lowest] - [0.0, 0.0, above], 0.0)
         free = np.bincount(labels[lowest], state == SpaceState.FREE, len(sizes))
         of_lowest = np.bincount(labels[lowest], minlength=len(sizes))
-        hangs = (sizes >= least) & (free > share * of_lowest)
+        hangs = free > share * of_lowest
         return np.asarray(hangs[labels])
 
     def end_hidden(self, p_W: Points, gap: float, beyond: float) -> npt.NDArray[np.bool_]:

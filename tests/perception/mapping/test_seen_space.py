@@ -206,15 +206,23 @@ def test_some_of_the_space_below_a_hanging_thing_may_be_hidden(share, hangs):
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.6])
-def test_the_end_of_a_thing_is_hidden_where_nobody_looked_through_the_space_beyond(turned):
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_end_of_a_thing_is_hidden_where_nobody_looked_through_the_space_beyond(turned, side):
     depth = TABLE.copy()
-    depth[:, :160] = 0.45  # A board above and on one side hides what is below it.
+    depth[:, 120:200] = 0.45  # A board above the middle hides what is below it.
     space = looking_down(depth)
-    rod = np.linspace([0.0, 0.0, 0.0], [0.2, 0.0, 0.0], 40)
-    rod = RigidTransform(RollPitchYaw(0.0, 0.0, turned), [0.06, 0.0, 0.5]) @ rod.T
-    in_view, half_hidden = rod.T, rod.T - [0.09, 0.0, 0.0]
+    rod = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], 20)
+    rod = (RigidTransform(RollPitchYaw(0.0, 0.0, turned), [0.0, 0.0, 0.5]) @ rod.T).T
+    rod[:, 0] *= side
+    edges = np.linspace(0.0, 0.3, 301)[:, None] * [side, 0.0, 0.0] + [0.0, 0.0, 0.5]
+    free = space.states(edges, 1.0)[0] == FREE
+    edge = np.argmax(free) * 0.001  # Where the board's shadow ends.
+    assert 0.05 < edge < 0.15
+    in_view, near = (rod + [side * (edge + gap), 0.0, 0.0] for gap in (0.06, 0.02))
+    assert (space.states(near, 1.0)[0] == FREE).all()
     assert not space.end_hidden(in_view, 0.03, 0.05).any()
-    assert space.end_hidden(half_hidden, 0.03, 0.05).all()
-    both = np.concatenate((in_view + [0.0, 0.0, 0.1], half_hidden))
-    np.testing.assert_array_equal(space.end_hidden(both, 0.03, 0.05), [False] * 40 + [True] * 40)
+    assert space.end_hidden(near, 0.03, 0.05).all()
+    assert not space.end_hidden(near, 0.03, 0.01).any()
+    both = np.concatenate((in_view + [0.0, 0.0, 0.1], near))
+    np.testing.assert_array_equal(space.end_hidden(both, 0.03, 0.05), [False] * 20 + [True] * 20)
     assert space.end_hidden(np.zeros((0, 3)), 0.03, 0.05).shape == (0,)
