@@ -213,7 +213,7 @@ def test_the_end_of_a_thing_is_hidden_where_nobody_looked_through_the_space_beyo
     space = looking_down(depth)
     rod = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], 20)
     rod = (RigidTransform(RollPitchYaw(0.0, 0.0, turned), [0.0, 0.0, 0.5]) @ rod.T).T
-    rod[:, 0] *= side
+    rod[:, 0] -= rod[-1, 0] if side < 0.0 else 0.0
     edges = np.linspace(0.0, 0.3, 301)[:, None] * [side, 0.0, 0.0] + [0.0, 0.0, 0.5]
     free = space.states(edges, 1.0)[0] == FREE
     edge = np.argmax(free) * 0.001  # Where the board's shadow ends.
