@@ -304,7 +304,7 @@ class ReachReplanner:
     def _is_better(self, retreat: ReachPlan, plan: ReachPlan, seen: Observation) -> bool:
         """True if a retreat has more clearance than the rest of another, on its path or at its end.
 
-        Any new movement begins at rest: one that gains little would lose time.
+        Each new retreat brakes first: one that gains little would lose time.
         """
         rest = self.planner.remaining_clearance(plan, seen)
         least = self.planner.params.retreat.max_clearance_loss

@@ -60,7 +60,7 @@ def test_an_arm_that_retreats_does_not_turn_for_a_place_that_is_no_better():
     one.look().advance(LATENCY.plan)
     assert one.state.movements == 2
     loss = one.planner.params.retreat.max_clearance_loss
-    # Each movement begins at rest: a place that is hardly better is not worth it.
+    # Each retreat brakes first: a place that is hardly better is not worth it.
     one.planner.back = path_plan(clearance=loss - 0.001)
     one.look().advance(0.3)
     assert one.state.movements == 2
