@@ -30,6 +30,21 @@ def compiled(function: F) -> F:
     return cast(F, dispatcher)
 
 
+def load_compiled(*functions: Callable[..., object]) -> None:
+    """Loads what earlier runs compiled of functions, which takes each of them some milliseconds.
+
+    Otherwise their first calls would wait for it, in the midst of a movement.
+
+    Args:
+        functions: Compiled ones.
+    """
+    for function in functions:
+        dispatcher: Any = function
+        if isinstance(dispatcher._cache, _Cache):
+            for signature in dispatcher._cache.signatures(dispatcher.targetctx.codegen()):
+                dispatcher.compile(signature)
+
+
 class _Cache(FunctionCache):
     """numba's cache, for functions that call those of other files.
 
@@ -43,6 +58,14 @@ class _Cache(FunctionCache):
             with suppress(OSError):
                 self.flush()
             return None
+
+    def signatures(self, codegen: Any) -> list[Any]:
+        """Returns the signatures for which there is compiled code of the function as it is."""
+        try:
+            keys = list(self._cache_file._load_index())
+        except Exception:
+            return []
+        return [key[0] for key in keys if key == self._index_key(key[0], codegen)]
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return (*super()._index_key(sig, codegen), _digest(self._py_func))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 from numba.core.caching import CacheImpl
 
-from pepper_drake.compiled import announce_compilation, compiled
+from pepper_drake.compiled import announce_compilation, compiled, load_compiled
 from pepper_drake.learning.spring import advance_all
 
 PACKAGE = Path(__file__).parents[1] / "pepper_drake"
@@ -94,3 +94,30 @@ def test_a_change_in_a_called_function_of_another_file_is_noticed(tmp_path, befo
     above = load("above", tmp_path, outer, middle=between.middle)
     assert above.outer(2.0) == 11.0
     assert sum(above.outer.stats.cache_hits.values()) == 1
+
+
+def test_compiled_code_is_loaded_before_it_is_needed(tmp_path, monkeypatch):
+    text = "@compiled\ndef {name}(x):\n    return x + x\n"
+    first = load("first", tmp_path, text.format(name="double"))
+    assert (first.double(2), first.double(1.5)) == (4, 3.0)
+    again = load("first", tmp_path, text.format(name="double"))
+    load_compiled(again.double)
+    assert len(again.double.signatures) == 2
+    assert sum(again.double.stats.cache_hits.values()) == 2
+    # Nothing to load: it does not compile.
+    changed = load("first", tmp_path, text.format(name="double").replace("x + x", "x + x + x"))
+    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
+    for function in (changed.double, compiled(half)):
+        load_compiled(function)
+        assert not function.signatures
+    assert changed.double(2) == 6
+
+
+def test_a_broken_index_is_no_trouble_when_code_is_loaded(tmp_path):
+    text = "@compiled\ndef triple(x):\n    return 3 * x\n"
+    load("second", tmp_path, text).triple(2)
+    (index,) = tmp_path.rglob("*.nbi")
+    index.write_bytes(index.read_bytes()[:-20])
+    again = load("second", tmp_path, text)
+    load_compiled(again.triple)
+    assert again.triple(2) == 6

@@ -275,7 +275,7 @@ def minimum_link_distances(
     for m in range(len(least)):
         for s in range(len(links)):
             R_L, p_L = rotations[m, links[s]], positions[m, links[s]]
-            reach = solids.radii[s] + least[m]
+            kind, dimensions, radius = solids.kinds[s], solids.dimensions[s], solids.radii[s]
             for i in range(3):
                 p[i] = p_L[i]
                 for j in range(3):
@@ -283,6 +283,7 @@ def minimum_link_distances(
                     R[i, j] = 0.0
                     for k in range(3):
                         R[i, j] += R_L[i, k] * solids.rotations[s, k, j]
+                reach = _half_width(kind, dimensions, R[i]) + least[m]
                 low[i] = max(math.floor((p[i] - reach - lower[i]) / size), 0)
                 high[i] = min(math.floor((p[i] + reach - lower[i]) / size), counts[i] - 1)
             if low[2] > high[2]:
@@ -292,17 +293,30 @@ def minimum_link_distances(
                     row = (i * counts[1] + j) * counts[2]
                     for n in range(first[row + low[2]], first[row + high[2] + 1]):
                         x, y, z = points[n, 0] - p[0], points[n, 1] - p[1], points[n, 2] - p[2]
+                        reach = radius + least[m]
                         if x * x + y * y + z * z > reach * reach:
                             continue
                         distance = _signed_distance(
-                            solids.kinds[s],
-                            solids.dimensions[s],
+                            kind,
+                            dimensions,
                             x * R[0, 0] + y * R[1, 0] + z * R[2, 0],
                             x * R[0, 1] + y * R[1, 1] + z * R[2, 1],
                             x * R[0, 2] + y * R[1, 2] + z * R[2, 2],
                         )
                         least[m] = min(least[m], distance)
     return least
+
+
+@compiled
+def _half_width(
+    kind: int, dimensions: npt.NDArray[np.float64], axis: npt.NDArray[np.float64]
+) -> float:
+    """Returns half of a solid's width along an axis (3,) in its own frame [m]; see `Solid`."""
+    x, y, z = abs(axis[0]), abs(axis[1]), abs(axis[2])
+    if kind == 0:
+        return x * dimensions[0] + y * dimensions[1] + z * dimensions[2]
+    across = math.sqrt(x * x + y * y) if kind == 1 else 1.0
+    return across * dimensions[0] + z * dimensions[1]
 
 
 def near_solids(

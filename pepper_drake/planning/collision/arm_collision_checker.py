@@ -13,7 +13,7 @@ from pepper_drake.models.pepper import BODY_JOINTS, head_pitch_limits
 from pepper_drake.perception.mapping.solids import Solid, SolidArrays, SolidSet, collision_solids
 from pepper_drake.planning.collision.clearance_table import FARTHEST
 from pepper_drake.planning.collision.compiled_arm import placed_points
-from pepper_drake.planning.collision.compiled_grid import Spheres
+from pepper_drake.planning.collision.compiled_grid import Spheres, keep_distances
 from pepper_drake.planning.collision.distance_grid import DistanceGrid, Region
 from pepper_drake.planning.collision.exact_distance import ExactDistance, can_reach_body
 from pepper_drake.planning.collision.sphere_model import SphereModel, arm_link_names
@@ -218,6 +218,19 @@ class ArmCollisionChecker:
         spheres, poses = self.moving, self.kinematics.poses(joints)
         centers = placed_points(poses.rotations, poses.positions, spheres.link, spheres.centers)
         return np.asarray(self.grid.distance(centers, spheres.layers) - spheres.radii)
+
+    def keep_distances(
+        self, joints: Vector, least: npt.NDArray[np.float32]
+    ) -> npt.NDArray[np.bool_]:
+        """Tells at which joints (N, 5) `approximate_distances` are all at least (S',) [m].
+
+        Raises:
+            ValueError: A joint is not finite.
+        """
+        if not np.isfinite(joints).all():
+            raise ValueError("joints must be finite")
+        arrays, chain = self.grid.arrays, self.kinematics.chain
+        return keep_distances(joints, chain, self.moving, arrays, least)
 
 
 @lru_cache(maxsize=2)

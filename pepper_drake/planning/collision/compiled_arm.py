@@ -33,7 +33,7 @@ class ArmChain(NamedTuple):
 
 
 @compiled
-def _pose_links(
+def pose_links(
     q: Vector,
     chain: ArmChain,
     R: Vector,
@@ -82,7 +82,7 @@ def link_poses(
             p[i] = p_FT[i]
             for j in range(3):
                 R[i, j] = R_FT[i, j]
-        _pose_links(joints[m], chain, R, p, rotations[m], positions[m], axes[m], origins[m])
+        pose_links(joints[m], chain, R, p, rotations[m], positions[m], axes[m], origins[m])
     return rotations, positions, axes, origins
 
 
@@ -92,7 +92,7 @@ def hand_jacobian(q: Vector, chain: ArmChain) -> tuple[Vector, Vector, Vector]:
     R, p, rows = np.eye(3), np.zeros(3), chain.rows[5] + 1
     rotations, positions = np.empty((rows, 3, 3)), np.empty((rows, 3))
     axes, origins = np.empty((5, 3)), np.empty((5, 3))
-    _pose_links(q, chain, R, p, rotations, positions, axes, origins)
+    pose_links(q, chain, R, p, rotations, positions, axes, origins)
     J = np.empty((6, 5))
     for k in range(5):
         x, y, z = p[0] - origins[k, 0], p[1] - origins[k, 1], p[2] - origins[k, 2]
@@ -151,7 +151,7 @@ def reach_point(
                 p[i] = 0.0
                 for j in range(3):
                     R[i, j] = 1.0 if i == j else 0.0
-            _pose_links(q, chain, R, p, rotations, positions, axes, origins)
+            pose_links(q, chain, R, p, rotations, positions, axes, origins)
             for i in range(3):
                 error[i] = target[i] - p[i]
             left[m] = math.sqrt(error[0] ** 2 + error[1] ** 2 + error[2] ** 2)

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from pepper_drake.compiled import compiled
 from pepper_drake.learning.dmp.point_cells import PointCells, nearest_distances
+from pepper_drake.planning.collision.compiled_arm import ArmChain, pose_links
 
 Vector = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
@@ -100,6 +101,47 @@ def looked_up(points: Vector, layers: Numbers, grid: GridArrays) -> Floats:
             distance += table[layer, node, 2] * off[s, 1]
             found[m, s] = distance + table[layer, node, 3] * off[s, 2]
     return found
+
+
+@compiled
+def keep_distances(
+    joints: Vector, chain: ArmChain, spheres: Spheres, grid: GridArrays, least: Floats
+) -> Mask:
+    """Tells which postures (M, 5) keep the least distance of each sphere (S,) [m], (M,).
+
+    Of a posture that does not, only the spheres up to the first too near are looked up.
+    """
+    keep, rows = np.ones(len(joints), np.bool_), chain.rows[5] + 1
+    R, p = np.empty((3, 3)), np.empty(3)
+    rotations, positions = np.empty((rows, 3, 3)), np.empty((rows, 3))
+    axes, origins = np.empty((5, 3)), np.empty((5, 3))
+    off, missing = np.empty(3, np.float32), np.empty(1, np.int64)
+    density = np.float32(1.0 / grid.spacing)
+    for m in range(len(joints)):
+        for i in range(3):
+            p[i] = 0.0
+            for j in range(3):
+                R[i, j] = 1.0 if i == j else 0.0
+        pose_links(joints[m], chain, R, p, rotations, positions, axes, origins)
+        for s in range(len(spheres.link)):
+            link, layer, node = spheres.link[s], spheres.layers[s], 0
+            x, y, z = spheres.centers[s]
+            for i in range(3):
+                along = rotations[link, i, 0] * x + rotations[link, i, 1] * y
+                along += rotations[link, i, 2] * z + positions[link, i]
+                scaled = np.float32(along - grid.lower[i]) * density
+                scaled = min(max(scaled, np.float32(0.0)), np.float32(grid.counts[i] - 1))
+                nearest = (scaled + ROUNDING) - ROUNDING
+                off[i], node = scaled - nearest, node * grid.counts[i] + int(nearest)
+            if not grid.ready[node]:
+                missing[0], grid.ready[node] = node, True
+                make_ready(missing, grid)
+            row = grid.table[layer, node]
+            distance = row[0] + row[1] * off[0] + row[2] * off[1] + row[3] * off[2]
+            if distance - spheres.radii[s] < least[s]:
+                keep[m] = False
+                break
+    return keep
 
 
 @compiled

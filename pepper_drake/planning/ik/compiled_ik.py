@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from pepper_drake.compiled import load_compiled
 from pepper_drake.models.control_model import CommandLimits, ControlModel, arm_joints
 from pepper_drake.planning.collision.compiled_arm import ArmChain
 from pepper_drake.planning.ik.compiled_tick import IkNumbers, ik_velocity, track_path
@@ -25,6 +26,7 @@ class CompiledIk:
         self, model: ControlModel, chain: ArmChain, arm: str, params: DifferentialIkParams
     ) -> None:
         self._chain = chain
+        load_compiled(ik_velocity, track_path)
         limits = arm_joint_limits(model, arm, params)
         rows = model.position_indices(arm_joints(arm))
         self._time_step = params.time_step

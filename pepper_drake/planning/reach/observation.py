@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
-from scipy.spatial import cKDTree
 
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.pepper import BODY_JOINTS
 from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.perception.mapping.seen_space import SeenSpace
@@ -151,9 +151,9 @@ class Observation:
         return np.concatenate((self.cloud, self.predicted_cloud))
 
     @cached_property
-    def cloud_tree(self) -> cKDTree:
-        """Search tree of the cloud, to find new points in a later one."""
-        return cKDTree(self.cloud)
+    def known(self) -> PointCloudDistance:
+        """Distances to the points of the cloud, to find new points in a later one."""
+        return PointCloudDistance(self.cloud, extension=0.0)
 
     def with_cloud(self, cloud: Vector) -> Observation:
         """Returns the observation with a cloud (P, 3) [m] in place of all obstacles."""

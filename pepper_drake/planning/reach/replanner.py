@@ -152,7 +152,9 @@ class ReachReplanner:
         """Adds the obstacles of the last plan: one that has left its place may come back to it."""
         if state.planned_with is None:
             return seen
-        return seen.with_cloud(np.concatenate((seen.cloud, state.planned_with.cloud)))
+        spacing, former = self.planner.params.new_obstacle.spacing, state.planned_with.cloud
+        left = np.isinf(seen.known.distance(former, spacing))
+        return seen.with_cloud(np.concatenate((seen.cloud, former.compress(left, axis=0))))
 
     def _new_obstacle(self, state: ReachState, observation: Observation) -> Vector:
         """Returns points (N, 3) near the goal where nothing was when the arm started [m]."""
@@ -160,7 +162,7 @@ class ReachReplanner:
         if began is None:
             return np.zeros((0, 3))
         params = self.planner.params.new_obstacle
-        new = new_points(observation.cloud, began.cloud_tree, observation.p_WO, params)
+        new = new_points(observation.cloud, began.known, observation.p_WO, params)
         new = new[one_per_voxel(new, params.spacing)]
         return new if len(new) >= params.min_points else new[:0]
 
@@ -206,13 +208,24 @@ class ReachReplanner:
 
     def _with_hidden_sides(self, state: ReachState, observation: Observation) -> Vector:
         """Returns the obstacles (P, 3) [m], new ones extended by their occluded sides."""
-        cloud, known = observation.obstacles, state.planned_with
-        if known is None:
-            return cloud
-        tree, p_WO, params = known.cloud_tree, observation.p_WO, self.planner.params.new_obstacle
-        if len(observation.predicted_cloud):
-            cloud = dilate_new_points(cloud, tree, p_WO, moving=True, params=params)
-        return extrude_new_points_down(cloud, tree, p_WO, params)
+        if state.planned_with is None:
+            return observation.obstacles
+        moving = len(observation.predicted_cloud) > 0
+        return self._extended(observation, state.planned_with, moving=moving, dilated=moving)
+
+    def _extended(
+        self, observation: Observation, planned_with: Observation, *, moving: bool, dilated: bool
+    ) -> Vector:
+        """Returns the obstacles (P, 3) [m], new ones extruded and, if asked for, dilated."""
+        known, params = planned_with.known, self.planner.params.new_obstacle
+        cloud, p_WO = observation.obstacles, observation.p_WO
+        sides = new_points(cloud, known, p_WO, params)
+        if dilated:
+            sides = dilate_new_points(sides, known, p_WO, moving=moving, params=params)
+        sides = extrude_new_points_down(sides, known, p_WO, params)
+        # Many lie close together, and would be most of all points.
+        sides = sides[one_per_voxel(sides, params.spacing)]
+        return np.concatenate((cloud, sides))
 
     def _predicted_start(
         self, state: ReachState, observation: Observation
@@ -267,10 +280,7 @@ class ReachReplanner:
         known = state.planned_with
         cloud = seen.cloud
         if known is not None and not is_free:
-            tree, p_WO = known.cloud_tree, observation.p_WO
-            params = self.planner.params.new_obstacle
-            cloud = dilate_new_points(observation.obstacles, tree, p_WO, params=params)
-            cloud = extrude_new_points_down(cloud, tree, p_WO, params)
+            cloud = self._extended(observation, known, moving=False, dilated=True)
         around = observation.with_cloud(cloud)
         detour = self.planner.replan(reach, around)
         is_at_rest = np.abs(observation.arm.velocity).max() < self.timing.at_rest

@@ -95,7 +95,7 @@ class Steadiness:
         weight = (observation.time - last_cloud.time) / params.cloud_memory
         # What moves on as it did does not jump about: it may be all that there is.
         jump = min(
-            float(np.quantile(observation.cloud_tree.query(points)[0], params.cloud_quantile))
+            float(np.quantile(observation.known.distance(points), params.cloud_quantile))
             for points in (sample, sample + self.shift)
         )
         return replace(

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from pepper_drake.errors import InputError
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.perception.mapping.dynamic_obstacles import cluster_labels
 from pepper_drake.planning.trajectories.joint_trajectories import minimum_jerk
@@ -110,7 +110,7 @@ DEFAULT_RETREAT, DEFAULT_NEW_OBSTACLE = RetreatParams(), NewObstacleParams()
 
 def extrude_new_points_down(
     cloud: Vector,
-    known: cKDTree,
+    known: PointCloudDistance,
     around: Vector,
     params: NewObstacleParams = DEFAULT_NEW_OBSTACLE,
 ) -> Vector:
@@ -118,7 +118,7 @@ def extrude_new_points_down(
 
     Args:
         cloud: Present cloud (P, 3), z up [m].
-        known: Search tree of the points seen at planning time (K, 3) [m].
+        known: Distances to the points seen at planning time, which are not extended.
         around: (3,) only points near this can be new [m].
         params: Depth of the extrusion.
 
@@ -134,7 +134,7 @@ def extrude_new_points_down(
 
 def dilate_new_points(
     cloud: Vector,
-    known: cKDTree,
+    known: PointCloudDistance,
     around: Vector,
     *,
     moving: bool = False,
@@ -147,7 +147,7 @@ def dilate_new_points(
 
     Args:
         cloud: Present cloud (P, 3), z up [m].
-        known: Search tree of the points seen at planning time (K, 3) [m].
+        known: Distances to the points seen at planning time, which are not extended.
         around: (3,) only points near this can be new [m].
         moving: Whether an obstacle moves.
         params: Size of the dilation.
@@ -163,7 +163,7 @@ def dilate_new_points(
 
 def new_points(
     cloud: Vector,
-    known: cKDTree,
+    known: PointCloudDistance,
     around: Vector,
     params: NewObstacleParams = DEFAULT_NEW_OBSTACLE,
 ) -> Vector:
@@ -171,15 +171,13 @@ def new_points(
 
     Args:
         cloud: Present cloud (P, 3) [m].
-        known: Search tree of the points seen before (K, 3) [m].
+        known: Distances to the points seen before, which are not extended.
         around: (3,) only points near this can be new [m].
         params: Distances that make a point near and new.
     """
-    near = cloud[np.sum((cloud - around) ** 2, axis=1) < params.max_goal_distance**2]
-    if not len(near):
-        return near
-    far = known.query(near, distance_upper_bound=params.distance)[0]
-    return near[~np.isfinite(far)]
+    x, y, z = (cloud - around).T
+    near = cloud.compress(x * x + y * y + z * z < params.max_goal_distance**2, axis=0)
+    return near.compress(np.isinf(known.distance(near, params.distance)), axis=0)
 
 
 def carries_object(

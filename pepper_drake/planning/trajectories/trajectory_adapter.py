@@ -8,12 +8,16 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
+from pepper_drake.compiled import load_compiled
 from pepper_drake.models.control_model import ControlModel, arm_joints
 from pepper_drake.planning.collision.arm_collision_checker import ArmCollisionChecker
 from pepper_drake.planning.collision.arm_kinematics import arm_kinematics
 from pepper_drake.planning.collision.clearance_table import ClearanceTable
+from pepper_drake.planning.collision.compiled_arm import reach_point
+from pepper_drake.planning.collision.compiled_grid import keep_distances, looked_up
 from pepper_drake.planning.ik.goal_configurations import GoalConfigurations, orientation_error
 from pepper_drake.planning.trajectories.adaptation_params import AdaptationParams, GoalAxis
+from pepper_drake.planning.trajectories.compiled_cost import rate_paths
 from pepper_drake.planning.trajectories.joint_trajectories import (
     minimum_duration,
     resampled,
@@ -92,6 +96,7 @@ class TrajectoryAdapter:
             lower[coupled.follower], upper[coupled.follower] = coupled.strictest
         self._lower, self._upper = lower + params.limit_margin, upper - params.limit_margin
         self._limits = limits.velocity, params.acceleration_fraction * limits.acceleration
+        load_compiled(keep_distances, looked_up, rate_paths, reach_point)
         self._postures = GoalConfigurations(self._kinematics, self._lower, self._upper)
 
     def adapt(
@@ -227,17 +232,11 @@ class TrajectoryAdapter:
     ) -> Iterator[tuple[SearchResult, int]]:
         """Yields the path planner's path, not rated, if it finds one: one more to start from."""
         ends = checker.approximate_distances(np.concatenate((start[None], goals)))
-        allowed = np.minimum(ends.min(axis=0), self._clearance.slow)
-
-        corner_slack = self.params.corner_slack
-
-        def free(postures: Vector) -> npt.NDArray[np.bool_]:
-            return (checker.approximate_distances(postures) >= allowed - corner_slack).all(axis=1)
-
+        allowed = np.minimum(ends.min(axis=0), self._clearance.slow) - self.params.corner_slack
         corners = rrt_connect(
             start,
             goals,
-            free,
+            lambda postures: checker.keep_distances(postures, allowed),
             lower=np.minimum(self._lower, start),
             upper=np.maximum(self._upper, start),
             params=self.params.planner,

@@ -111,6 +111,20 @@ def test_quick_gaps_are_those_of_the_spheres_within_a_centimetre(kinematics):
     assert np.abs(gaps - exact).mean() < 0.003
 
 
+def test_postures_keep_a_distance_if_all_their_spheres_do(kinematics):
+    checker = around(kinematics, PointCloudDistance(cloud(), extension=0.0))
+    gaps = checker.approximate_distances(JOINTS)
+    for least in np.quantile(gaps, [0.0, 0.02, 0.3], axis=0):
+        kept = around(kinematics, PointCloudDistance(cloud(), extension=0.0)).keep_distances(
+            JOINTS, least.astype(np.float32)
+        )
+        np.testing.assert_array_equal(kept, (gaps >= least.astype(np.float32)).all(axis=1))
+    nearest = gaps.min(axis=0)
+    assert checker.keep_distances(JOINTS, nearest).all()
+    with pytest.raises(ValueError, match="finite"):
+        checker.keep_distances(np.full((1, 5), np.nan), nearest)
+
+
 def test_the_goal_object_is_apart_from_what_was_seen_and_in_the_grid(kinematics):
     hand = kinematics.hand_pose(JOINTS[0]).translation()
     alone = around(kinematics, NOTHING, object_field=PointCloudDistance(hand[None], extension=0.0))

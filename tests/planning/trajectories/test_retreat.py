@@ -2,8 +2,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import CommandLimits
 from pepper_drake.planning.trajectories.retreat import (
     NewObstacleParams,
@@ -15,6 +15,10 @@ from pepper_drake.planning.trajectories.retreat import (
 
 LIMITS = CommandLimits(np.full(5, -2.0), np.full(5, 2.0), np.full(5, 4.0), np.full(5, 10.0))
 CAME = np.linspace(0.0, 1.0, 101)[:, None] * np.array([1.0, -0.5, 0.3, 0.2, 0.0])
+
+
+def shell(points):
+    return PointCloudDistance(points, extension=0.0)
 
 
 def room_before(place):
@@ -81,7 +85,7 @@ def test_only_what_is_new_and_near_reaches_down():
     known = np.random.default_rng(0).uniform(-0.5, 0.5, (200, 3))
     new, far = np.array([[0.2, 0.0, 1.0]]), np.array([[2.0, 0.0, 1.0]])
     seen = np.concatenate((known + 0.005, new, far))
-    cloud = extrude_new_points_down(seen, cKDTree(known), np.array([0.0, 0.0, 0.8]))
+    cloud = extrude_new_points_down(seen, shell(known), np.array([0.0, 0.0, 0.8]))
     np.testing.assert_array_equal(cloud[:202], seen)
     below = cloud[202:]
     np.testing.assert_allclose(below[:, :2], [[0.2, 0.0]] * 5)
@@ -93,7 +97,7 @@ def test_who_plans_around_what_is_new_keeps_off_its_sides(moving, side):
     params = NewObstacleParams(dilation=0.03, moving_dilation=0.07)
     known = np.array([[0.0, 0.0, 0.8]])
     seen = np.array([[0.01, 0.0, 0.8], [0.2, 0.1, 0.9]])
-    cloud = dilate_new_points(seen, cKDTree(known), known[0], moving=moving, params=params)
+    cloud = dilate_new_points(seen, shell(known), known[0], moving=moving, params=params)
     np.testing.assert_array_equal(cloud[:2], seen)
     off = cloud[2:] - seen[1]
     np.testing.assert_allclose(np.linalg.norm(off, axis=1), side)
@@ -105,8 +109,8 @@ def test_who_plans_around_what_is_new_keeps_off_its_sides(moving, side):
 @pytest.mark.parametrize("count", [0, 3])
 def test_empty_clouds_are_no_trouble(count):
     cloud, nothing = np.ones((count, 3)), np.zeros((0, 3))
-    assert len(extrude_new_points_down(cloud, cKDTree(nothing), np.ones(3))) == 6 * count
-    assert len(extrude_new_points_down(nothing, cKDTree(np.ones((2, 3))), np.ones(3))) == 0
+    assert len(extrude_new_points_down(cloud, shell(nothing), np.ones(3))) == 6 * count
+    assert len(extrude_new_points_down(nothing, shell(np.ones((2, 3))), np.ones(3))) == 0
 
 
 def test_what_the_goal_object_stands_on_ends_where_something_rises_from_it():

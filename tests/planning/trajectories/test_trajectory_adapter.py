@@ -31,6 +31,9 @@ class Passage:
         self.has_been_asked = True
         return np.full((len(joints), 3), width)
 
+    def keep_distances(self, joints, least):
+        return (self.approximate_distances(joints) >= least).all(axis=1)
+
 
 @pytest.mark.parametrize(
     ("over", "is_tried"),
