@@ -80,6 +80,9 @@ ALLOWED = {
         "numeric": "_CELL _RING _HOLE_WIDTH _HOLE_EDGE _PLACE_STEP _THING_DEPTHS",
     },
     "perception/mapping/depth_image_mapper.py": {"numeric": "_POSES"},
+    "perception/mapping/depth_scale.py": {
+        "numeric": "_MOST_PIXELS _LEAST_PIXELS _AROUND _STEPS _TOUCH",
+    },
     "perception/mapping/depth_validity.py": {
         "format": "_NOTHING",
         "numeric": "_FLOOR_STRIDE",

@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.mapping.cloud import depth_in_metres, to_point_cloud
+from pepper_drake.perception.mapping.depth_scale import depth_scale
 from pepper_drake.perception.mapping.depth_validity import (
     DepthFault,
     ValidityParameters,
@@ -85,19 +86,32 @@ class DepthImageMapper:
         if fault != DepthFault.NONE:
             return received
         depth = depth_in_metres(image.pixels, self.intrinsics)
-        fault = depth_fault(
-            depth,
-            image.X_WC,
-            memory.settled_points(self.parameters.memory),
-            self.intrinsics,
-            self.parameters.validity,
-        )
+        known, validity = memory.settled_points(self.parameters.memory), self.parameters.validity
+        fault = depth_fault(depth, image.X_WC, known, self.intrinsics, validity)
+        if fault == DepthFault.NONE and abs(self._scale(depth, image) - 1.0) > validity.scale_error:
+            fault = DepthFault.WRONG_SCALE
         if fault != DepthFault.NONE:
             return replace(received, fault=fault)
         view = DepthFrame(
             depth, image.X_WC, image.stamp, self.intrinsics, self.parameters.approach.pointing_error
         )
         return self._with_view(received, image, view)
+
+    def _scale(self, depth: npt.NDArray[np.float32], image: DepthImage) -> float:
+        """Returns measured depths as a multiple of what the goal object's marker says."""
+        if image.X_WO is None or not self.object_solids:
+            return np.nan
+        robot = self._excluded(image, None)
+        return depth_scale(
+            depth,
+            self.intrinsics,
+            image.X_WC,
+            image.X_WO,
+            self.object_solids,
+            robot[0].placed if robot else None,
+            robot_margin=self.parameters.cloud.robot_margin,
+            spread=self.parameters.validity.scale_error_spread,
+        )
 
     def _with_view(
         self, memory: ObstacleMemory, image: DepthImage, view: DepthFrame

@@ -37,6 +37,8 @@ class DepthFault(enum.IntEnum):
     """Much of it lies below the floor."""
     CONTRADICTS_MAP = 8
     """It contradicts much of the known scene."""
+    WRONG_SCALE = 9
+    """It shows the goal object nearer or farther than its marker does."""
 
 
 FAULT_SENTENCES = {
@@ -49,6 +51,8 @@ FAULT_SENTENCES = {
     DepthFault.CONSTANT: "all pixels of the depth camera's images have the same value",
     DepthFault.BELOW_FLOOR: "the depth camera's images show points below the floor",
     DepthFault.CONTRADICTS_MAP: "the depth camera's images contradict what was seen before",
+    DepthFault.WRONG_SCALE: "the depth camera and the goal object's marker disagree on how far it "
+    "is: the camera's scale is wrong, or the stated size of the marker",
 }
 
 _NOTHING = (0, 2047, 65535, np.inf)
@@ -76,6 +80,7 @@ class ValidityParameters:
         min_shown_fraction: Fraction of the expected points below which an image is blank.
         scale_error_spread: Spread of the relative depth errors below which they are due to a wrong
             scale.
+        scale_error: Largest relative error of the goal object's depth.
         moved: Displacement at which a frame has moved [m], above the noise of measured joints, ...
         turned: ... or rotation at which it has [rad].
     """
@@ -92,6 +97,7 @@ class ValidityParameters:
     floor_depth: float = 2.0
     min_shown_fraction: float = 0.03
     scale_error_spread: float = 0.04
+    scale_error: float = 0.07
     moved: float = 0.002
     turned: float = 0.004
 
@@ -164,9 +170,33 @@ def depth_fault(
         return DepthFault.BLANK
     if lies_below_floor(depth, X_WC, intrinsics, parameters):
         return DepthFault.BELOW_FLOOR
-    p_C, rows, columns = _in_view(known, X_WC, intrinsics)
-    if len(p_C) < parameters.min_points:
+    off, z = _depth_changes(depth, X_WC, known, intrinsics)
+    if len(z) < parameters.min_points:
         return DepthFault.NONE
+    allowed = parameters.margin + parameters.growth * z
+    if np.mean(off > allowed) > parameters.contradicted:
+        return DepthFault.CONTRADICTS_MAP
+    # Nearer points may be a new obstacle, unless all are nearer by the same factor.
+    low, middle, high = np.quantile(off / z, [0.2, 0.5, 0.8])
+    if (
+        np.mean(-off > allowed) > parameters.contradicted
+        and high - low < parameters.scale_error_spread
+    ):
+        return DepthFault.CONTRADICTS_MAP
+    # Nothing moves all of a scene by the same factor.
+    if abs(middle) > parameters.scale_error and high - low < 0.5 * parameters.scale_error_spread:
+        return DepthFault.CONTRADICTS_MAP
+    return DepthFault.NONE
+
+
+def _depth_changes(
+    depth: Array,
+    X_WC: RigidTransform,
+    known: npt.NDArray[np.floating],
+    intrinsics: CameraIntrinsics,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Returns measured less known depth of M known points in view, and the known one (M,) [m]."""
+    p_C, rows, columns = _in_view(known, X_WC, intrinsics)
     # An unchanged surface shows its depth in at least one of nine pixels.
     off = np.full(len(p_C), np.inf)
     for down in (-2, 0, 2):
@@ -175,20 +205,7 @@ def depth_fault(
             other = np.where(z > 0.0, z - p_C[:, 2], np.inf)
             off = np.where(np.abs(other) < np.abs(off), other, off)
     measured_points = np.isfinite(off)
-    if np.count_nonzero(measured_points) < parameters.min_points:
-        return DepthFault.NONE
-    off, z = off[measured_points], p_C[measured_points, 2]
-    allowed = parameters.margin + parameters.growth * z
-    if np.mean(off > allowed) > parameters.contradicted:
-        return DepthFault.CONTRADICTS_MAP
-    # Nearer points may be a new obstacle, unless all are nearer by the same factor.
-    low, high = np.quantile(off / z, [0.2, 0.8])
-    if (
-        np.mean(-off > allowed) > parameters.contradicted
-        and high - low < parameters.scale_error_spread
-    ):
-        return DepthFault.CONTRADICTS_MAP
-    return DepthFault.NONE
+    return off[measured_points], p_C[measured_points, 2]
 
 
 def _in_view(

@@ -128,7 +128,8 @@ def _corrupt_image(
         if shape.random() < 0.5:  # The wrong resolution.
             pixels = pixels[::2, ::2]
         elif isinstance(value, ImageDepth16U):  # The wrong depth scale.
-            pixels = np.minimum(pixels * (1.0 + 2.0 * signal.offset), largest).astype(pixels.dtype)
+            scale = 1.0 + shape.choice([-2.0, 2.0]) * signal.offset
+            pixels = np.minimum(pixels * scale, largest).astype(pixels.dtype)
         else:  # A shifted lens.
             pixels = np.roll(pixels, round(signal.offset * pixels.shape[1]), axis=1)
     else:

@@ -2,18 +2,19 @@ import itertools
 
 import numpy as np
 import pytest
-from pydrake.geometry import Sphere
+from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.sensors import ImageDepth16U
 
 from pepper_drake.models.control_model import ControlModel
-from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, pixel_rays
 from pepper_drake.perception.goal.detection import MarkedObject
+from pepper_drake.perception.mapping.depth_scale import ray_depths
 from pepper_drake.perception.mapping.depth_validity import DepthFault, ValidityParameters
 from pepper_drake.perception.mapping.obstacle_map import ObstacleParameters
 from pepper_drake.perception.mapping.seen_space import SpaceState
-from pepper_drake.perception.mapping.solids import RobotSolids, Solid
+from pepper_drake.perception.mapping.solids import RobotSolids, Solid, SolidSet
 from pepper_drake.systems.sensing.depth_point_cloud_source import DepthPointCloudSource
 
 CAMERA = CAMERA_DEPTH.intrinsics
@@ -223,7 +224,10 @@ def spoilt(fault):
     return image, stamp
 
 
-@pytest.mark.parametrize("fault", [f for f in DepthFault if f not in (0, DepthFault.FROZEN)])
+SEEN_ALONE = set(DepthFault) - {DepthFault.NONE, DepthFault.FROZEN, DepthFault.WRONG_SCALE}
+
+
+@pytest.mark.parametrize("fault", sorted(SEEN_ALONE))
 def test_what_is_no_image_lets_the_age_grow_and_is_named(fault):
     # Looks down by 45 degrees, so that there is a floor.
     down = X_WC @ RigidTransform(RollPitchYaw(-np.pi / 4, 0, 0), [0, 0, 0])
@@ -245,6 +249,36 @@ def test_what_is_no_image_lets_the_age_grow_and_is_named(fault):
     bench.show(wall(), 1.0)
     assert bench.output("fault") == [DepthFault.NONE]
     assert bench.output("age")[0] == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.1])
+def test_an_image_of_another_scale_than_the_goal_objects_marker_is_none(scale):
+    down = X_WC @ RigidTransform(RollPitchYaw(-np.pi / 4, 0, 0), [0, 0, 0])
+    place = RigidTransform([0.6, 0.0, 0.4])
+    cube = Solid(Box(0.1, 0.1, 0.1), RigidTransform([0.0, 0.0, 0.05]))
+    rays = pixel_rays(CAMERA).reshape(-1, 3).astype(float)
+    table = (0.4 - down.translation()[2]) / (rays @ down.rotation().matrix()[2])
+    cube_in_C = SolidSet.posed([cube], [down.InvertAndCompose(place)])
+    depth = np.minimum(np.where(table > 0, table, 2.0), ray_depths(cube_in_C, rays, 0.3, 2.0))
+    depth = np.minimum(depth, 2.0).reshape(CAMERA.height, CAMERA.width, 1)
+
+    def image(scale):
+        shown = ImageDepth16U(CAMERA.width, CAMERA.height)
+        shown.mutable_data[:] = np.rint(1000 * scale * depth)
+        return shown
+
+    bench = Bench(None, MarkedObject(7, 0.06, RigidTransform(), (cube,)))
+    bench.fix("X_WC", down)
+    bench.fix("object_pose", place)
+    bench.show(image(scale), 0.0)
+    assert bench.output("fault") == [DepthFault.WRONG_SCALE]
+    assert not len(bench.points())
+    bench.show(image(1.0), 0.2)
+    assert bench.output("fault") == [DepthFault.NONE]
+    assert len(bench.points())
+    bench.show(image(scale), 0.4)
+    assert bench.output("fault") == [DepthFault.WRONG_SCALE]
+    assert bench.output("time_stamp") == [0.2]
 
 
 def test_equal_images_are_of_a_camera_that_hangs():
