@@ -26,6 +26,7 @@ from pepper_drake.models.pepper import head_pitch_limits
 from pepper_drake.models.scene import HandMarker
 from pepper_drake.optimization import ratings
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.mapping.depth_validity import ValidityParameters
 from pepper_drake.perception.mapping.near_field_occlusion import NearFieldParameters
 from pepper_drake.robot_server.robot import base_controller, floor_map, range_sensors
 from pepper_drake.robot_server.services import navigation
@@ -84,6 +85,7 @@ SAID = {
         f"your own judgement from 0 to {ratings.BEST_SCORE:g}",
     ],
     "docs/limitations.md": [
+        f"was seen before; errors below {100 * ValidityParameters.scale_error:g} % pass",
         f"Its range begins at {NEAR}",
         f"has not been seen for {UNSEEN.recent:g} s (`planner.unseen.recent`)",
         f"slows down, to as little as {TOUCH}",
