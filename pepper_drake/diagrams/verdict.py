@@ -66,27 +66,34 @@ def judge(report: ReachReport, end: RunEnd, limits: GoalTolerances, longest: flo
     """
     judge_by_robot(report, end, longest)
     touched = f"a link touched an obstacle ({report.closest_pair})"
+    force, pushed = report.goal_force or 0.0, ""
+    if force > limits.force:
+        pushed = (
+            f"the goal object was pushed with {force:.0f} N, more than "
+            f"{limits.force:g} N (planner.tolerance.force)"
+        )
     if end.mode == ReachMode.DONE and not end.fault:
-        wrong = _untrue(report, end, limits, touched)
+        wrong = _untrue(report, end, limits, touched, pushed)
         if wrong is not None:
             report.outcome, (report.reason, report.message) = "failed", wrong
-    if report.contacts and report.reason != "touched":
-        report.message = f"{report.message}; {touched}" if report.message else touched
+    for happened, reason, sentence in (
+        (bool(report.contacts), "touched", touched),
+        (bool(pushed), "goal_pushed", pushed),
+    ):
+        if happened and report.reason != reason:
+            report.message = f"{report.message}; {sentence}" if report.message else sentence
 
 
 def _untrue(
-    report: ReachReport, end: RunEnd, limits: GoalTolerances, touched: str
+    report: ReachReport, end: RunEnd, limits: GoalTolerances, touched: str, pushed: str
 ) -> tuple[str, str] | None:
     """Returns reason and sentence of what is wrong where the robot takes itself to be done."""
     turned = float(report.final_axis_error or 0.0)
     may_turn = np.inf if report.axis_tolerance is None else report.axis_tolerance
     if report.contacts:
         return "touched", touched
-    if (force := report.goal_force or 0.0) > limits.force:
-        return "goal_pushed", (
-            f"the goal object was pushed with {force:.0f} N, more than "
-            f"{limits.force:g} N (planner.tolerance.force)"
-        )
+    if pushed:
+        return "goal_pushed", pushed
     if report.final_position_error is None or any(
         task.final_position_error > limits.accept for task in report.tasks
     ):

@@ -73,6 +73,7 @@ class ReachSupervisor(LeafSystem):
         - desired_position (optional)
         - arm_position_command (optional)
         - arm_velocity_command (optional)
+        - head_position_command (optional)
         - arrived
         - tau
         - stop_reason
@@ -100,12 +101,13 @@ class ReachSupervisor(LeafSystem):
     occupied space, without it all space counts as known; `joint_position` (15) [rad]; `base_pose`
     (3) [m, rad]; `hand_pose` X_TH and `desired_position` (3), the primitive's desired hand position
     in T [m]; `arm_position_command` and `arm_velocity_command` (5) [rad, rad/s], the measured
-    position and zero if unconnected; `arrived` (1); `tau` (1) [s]; `stop_reason` (1), the safety
-    monitor's `StopReason`, and `stop_joint` (1), the index of the joint that caused it or -1;
-    `base_blocked` (1), whether an obstacle blocks the base; `predicted_clearance` (1), clearance to
-    predicted obstacles that the arm's motion approaches [m]; `command` (1), a `ReachCommand`, REACH
-    if unconnected; `primitive`, abstract MovementPrimitive that replaces the planner's own, or a
-    Movement, whose X_OG replaces the goal as well.
+    position and zero if unconnected; `head_position_command` (2) [rad]; `arrived` (1); `tau` (1)
+    [s]; `stop_reason` (1), the safety monitor's `StopReason`, and `stop_joint` (1), the index of
+    the joint that caused it or -1; `base_blocked` (1), whether an obstacle blocks the base;
+    `predicted_clearance` (1), clearance to predicted obstacles that the arm's motion approaches
+    [m]; `command` (1), a `ReachCommand`, REACH if unconnected; `primitive`, abstract
+    MovementPrimitive that replaces the planner's own, or a Movement, whose X_OG replaces the goal
+    as well.
     Outputs: `movement`, abstract Movement: the running one, with its number, or with number 0 the
     next one or that of a braking arm; `started` (1), whether the arm reaches or has reached;
     `base_goal` (3) [m, rad] and `hip_pitch_goal` (1) [rad], NaN for "stay"; `mode` (1), a
@@ -156,6 +158,7 @@ class ReachSupervisor(LeafSystem):
             ("desired_position", 3),
             ("arm_position_command", 5),
             ("arm_velocity_command", 5),
+            ("head_position_command", 2),
             ("arrived", 1),
             ("tau", 1),
             ("stop_reason", 1),
@@ -273,6 +276,7 @@ class ReachSupervisor(LeafSystem):
             else np.zeros(2),
             hand_position=np.array(value("hand_pose").translation()),
             measured_arm=measured,
+            head_command=optional("head_position_command"),
             desired_position=optional("desired_position"),
             base_arrived=scalar("arrived") > 0.5,
             tau=scalar("tau"),

@@ -60,6 +60,7 @@ def perfect_calibration(wear):
     [
         ("encoders:garbage@reach", "joints_not_measured"),
         ("actuators:stuck@reach", "joint_held"),
+        ("commands:stuck@0", "joint_held"),
         ("depth:stuck@reach", "cloud_missing"),
     ],
 )

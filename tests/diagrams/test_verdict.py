@@ -38,6 +38,19 @@ def test_a_touch_is_reported_whatever_else_failed(mode, reason):
     assert report.message.count("touched an obstacle (hand - box)") == 1
 
 
+@pytest.mark.parametrize(("force", "times"), [(9.0, 0), (12.0, 1)])
+@pytest.mark.parametrize("reason", ["joint_held", "goal_pushed"])
+def test_a_goal_object_that_was_run_into_is_named_beside_the_joint_that_it_held(
+    force, times, reason
+):
+    """The robot that takes its goal to be elsewhere knows only that the joint did not follow."""
+    mode = ReachMode.FAILED if reason == "joint_held" else ReachMode.DONE
+    report = judged(mode, "joint_held", "a joint is held", goal_force=force)
+    if times:
+        assert report.reason == reason
+    assert report.message.count("the goal object was pushed with 12 N") == times
+
+
 @pytest.mark.parametrize(
     ("end", "measured", "outcome", "reason", "words"),
     [

@@ -70,7 +70,8 @@ class GazeParams:
     """Age of the last sighting at which a scan ends and the object is centred [s]."""
     scan_age: float = 0.35
     """Age of the last sighting up to which the object may leave the image [s]; images are a quarter
-    of a second old."""
+    of a second old. Where they come later, it may once one that was taken since the last glance
+    has come."""
     rest_speed: float = 0.02
     """Speed below which an object is at rest, and may leave the image [m/s]."""
     following_angle: float = 0.03

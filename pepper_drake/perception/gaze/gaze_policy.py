@@ -46,6 +46,10 @@ class GazeState:
         arrived: Time at which the head arrived at its target [s]; infinite while it moves.
         glancing: Whether its target is beside the object.
         target: Head angles (2,) of a scan [rad]; NaN without a scan.
+        search_start: Time at which a search for the object began [s]; NaN without one.
+        turned_back: Time at which it turned back to the object, or the scan began [s]; infinite
+            during a glance.
+        age: Time since the object was last seen, at the last step [s].
         seen: Times (N,) at which `VIEW_POINTS` were last in the secondary camera's image [s].
     """
 
@@ -58,6 +62,8 @@ class GazeState:
     glancing: bool
     target: Vector
     search_start: float
+    turned_back: float
+    age: float
     seen: Vector
 
     @classmethod
@@ -74,14 +80,23 @@ class GazeState:
             False,
             nothing,
             math.nan,
+            math.inf,
+            math.inf,
             _NEVER_SEEN,
         )
 
     def to_vector(self) -> Vector:
-        """Returns the state as numbers (12 + N,)."""
+        """Returns the state as numbers (14 + N,)."""
         flags = (self.camera, self.in_view, self.reachable, self.arrived, self.glancing)
         return np.concatenate(
-            (self.head, self.velocity, flags, self.target, [self.search_start], self.seen)
+            (
+                self.head,
+                self.velocity,
+                flags,
+                self.target,
+                [self.search_start, self.turned_back, self.age],
+                self.seen,
+            )
         )
 
     @classmethod
@@ -98,7 +113,9 @@ class GazeState:
             glancing > 0.0,
             vector[9:11].copy(),
             float(vector[11]),
-            vector[12:].copy(),
+            float(vector[12]),
+            float(vector[13]),
+            vector[14:].copy(),
         )
 
 
@@ -235,6 +252,7 @@ class GazePolicy:
             state,
             head=head,
             velocity=velocity,
+            age=now.age,
             reachable=gaze is not None and gaze.in_view,
             in_view=gaze is not None and image_offset(gaze.camera, head, p_TP) < 1,
         )
@@ -287,21 +305,24 @@ class GazePolicy:
         radius = self._radius + (params.view_margin if scans else 0.0)
         gaze = shared(radius, 0.0, current)
         if not scans or np.isnan(state.target).any():
-            state = replace(state, target=gaze.head, glancing=False)
+            state = replace(state, target=gaze.head, glancing=False, turned_back=now.time)
         has_dwelt, arrived = self._dwell(state, now.time)
         state = replace(state, arrived=arrived)
         if has_dwelt:
             places = surroundings(p_TP, self._side)
             in_image = visible(secondary, state.head, places)
             state = replace(state, seen=np.where(in_image, now.time, state.seen))
-        if scans and now.age < params.scan_age and (has_dwelt or not state.glancing):
+        # Of images that come late, none is ever young; one that was taken since is as good.
+        is_new = now.age < state.age and now.time - now.age >= state.turned_back
+        if scans and (is_new or now.age < params.scan_age) and (has_dwelt or not state.glancing):
             target = self._next_glance(state, now, p_TP, secondary)
-            state = replace(state, target=target, glancing=True)
+            state = replace(state, target=target, glancing=True, turned_back=math.inf)
         elif scans and has_dwelt and state.glancing:
             # Back by the shortest path.
             heads = [shared(radius, aside, gaze.camera).head for aside in params.glance_angles]
             turns = np.abs(np.array(heads) - state.head).max(axis=1)
-            state = replace(state, target=heads[int(np.argmin(turns))], glancing=False)
+            target = heads[int(np.argmin(turns))]
+            state = replace(state, target=target, glancing=False, turned_back=now.time)
         return replace(gaze, head=state.target), state
 
     def _next_glance(

@@ -1,13 +1,39 @@
 """Likely cause behind the symptom of a failed reach."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from pepper_drake.models.control_model import body_indices
 from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
+from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.reach_state import ReachState
+from pepper_drake.planning.reach.steadiness import SteadinessParams
+from pepper_drake.planning.safety.command_check import StopReason
+
+_SEEN = {*PlanStatus, "goal_not_seen", "goal_lost", StopReason.BODY_TOO_CLOSE.name.lower()}
+"""Reasons that follow from what is seen."""
+
+
+def with_cause(state: ReachState, params: SteadinessParams) -> ReachState:
+    """Returns the state before the arm starts, failed for what is wrong with what is seen, if so.
+
+    Until then an unsteady signal ends nothing: it matters where what was seen leads nowhere.
+
+    Args:
+        state: State of the supervision.
+        params: Thresholds of steadiness.
+    """
+    if state.mode != ReachMode.FAILED or state.reason not in _SEEN:
+        return state
+    cause = state.steadiness.cause(params)
+    if cause is None:
+        return state
+    return replace(state, reason=cause[0], message=f"{cause[1]}; {state.message}")
 
 
 def likely_cause(

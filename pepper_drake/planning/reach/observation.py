@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
-from pepper_drake.models.pepper import BODY_JOINTS
+from pepper_drake.models.pepper import BODY_JOINTS, JOINT_GROUPS
 from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
@@ -21,6 +21,7 @@ Vector = npt.NDArray[np.float64]
 
 HIP_PITCH = BODY_JOINTS.index("HipPitch")
 """Index of the hip's joint that leans the torso forward."""
+_HEAD = [BODY_JOINTS.index(name) for name in JOINT_GROUPS["head"]]
 _FUTURE = -0.1
 """An image of a lower age was stamped by a wrong clock [s]."""
 
@@ -53,6 +54,7 @@ class Observation:
         goal_position: (3,) the hand's goal in T [m].
         hand_position: (3,) measured, in T [m].
         measured_arm: (5,) measured joints of the arm [rad]; None to skip their comparison.
+        head_command: (2,) commanded HeadYaw and HeadPitch [rad]; None to skip their comparison.
         desired_position: (3,) of the hand, from the primitive, in T [m]; None if unknown.
         base_arrived: Whether the base has arrived at its goal.
         tau: Duration of the present movement [s].
@@ -82,6 +84,7 @@ class Observation:
     goal_position: Vector = field(default_factory=lambda: np.zeros(3))
     hand_position: Vector = field(default_factory=lambda: np.zeros(3))
     measured_arm: Vector | None = None
+    head_command: Vector | None = None
     desired_position: Vector | None = None
     base_arrived: bool = True
     tau: float = 1.0
@@ -144,6 +147,13 @@ class Observation:
         if self.measured_arm is None:
             return np.zeros(5)
         return self.measured_arm - self.arm.position
+
+    @property
+    def head_error(self) -> Vector:
+        """(2,) measured minus commanded joints of the head [rad]; 0 if they are not compared."""
+        if self.head_command is None:
+            return np.zeros(2)
+        return self.joint_position[_HEAD] - self.head_command
 
     @cached_property
     def obstacles(self) -> Vector:

@@ -113,7 +113,8 @@ class ReachState:
         given_up_at: When that was decided [s].
         look_at: Gaze target in W [m]: space to be swept that was not seen, or not recently, or the
             obstacle that blocks the path; NaN for none.
-        steadiness: Steadiness of the measurements since the arm started.
+        steadiness: Steadiness of the measurements since the arm started; before, since the robot
+            began to look.
         pending: Results that have not taken effect.
     """
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from pepper_drake.planning.reach.drive_supervision import ROUNDING
 from pepper_drake.planning.reach.hanging_things import hanging_things
+from pepper_drake.planning.reach.likely_cause import with_cause
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachTiming
@@ -15,6 +16,7 @@ from pepper_drake.planning.reach.reach_state import NOWHERE, RESTS, Effect, Pend
 from pepper_drake.planning.reach.replanner import leads_elsewhere
 from pepper_drake.planning.reach.return_supervision import ReturnSupervision
 from pepper_drake.planning.reach.separation import changed_speed, speed_fraction
+from pepper_drake.planning.reach.steadiness import Steadiness
 from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
 
 UNCONFIRMED = "reached_unconfirmed"
@@ -44,16 +46,19 @@ def step(
     if state.mode in RESTS:
         return state
     after = _step(state, observation, planner, timing)
-    return after if state.has_started else _with_first_reason(after, state.given_up)
+    if state.has_started:
+        return after
+    return _with_first_reason(with_cause(after, timing.steadiness), state.given_up)
 
 
 def _step(
     state: ReachState, observation: Observation, planner: Planner, timing: ReachTiming
 ) -> ReachState:
     supervision = _Supervision(observation, planner, timing)
-    if state.has_started:
-        steadiness = state.steadiness.advanced(observation, timing.steadiness)
-        state = replace(state, steadiness=steadiness).after(timing.time_step)
+    steadiness = state.steadiness.advanced(observation, timing.steadiness)
+    if not state.has_started:
+        steadiness = steadiness.of_moving_base()
+    state = replace(state, steadiness=steadiness).after(timing.time_step)
     failed = supervision.fault(state)
     if failed is not None:
         return failed
@@ -84,7 +89,9 @@ class _Supervision(ReturnSupervision):
         """Returns the failed state if the reach cannot go on, else None."""
         observation, timing, time = self._observation, self._timing, self._time
         stop = observation.stop_reason
-        unsteady = state.steadiness.unsteady_signal(timing.steadiness)
+        unsteady = None
+        if state.has_started:
+            unsteady = state.steadiness.unsteady_signal(timing.steadiness)
         if stop != StopReason.NONE:
             sentence = stop_sentence(stop, observation.stop_joint)
             if unsteady is None and stop == StopReason.LINK_TOO_CLOSE:
@@ -131,6 +138,7 @@ class _Supervision(ReturnSupervision):
                 started=time,
                 look_at=NOWHERE,
                 given_up=None,
+                steadiness=Steadiness(),
             )
         if result.effect == Effect.LOOK:
             return replace(state, look_at=result.look_at) if state.is_placing else state

@@ -1,7 +1,9 @@
 """Steadiness of the measurements while the arm reaches: a jumping signal ends the reach.
 
 So does a cloud that differs from the map's. In a static scene a correct cloud may stay the same for
-long, so only the comparison with the map reveals a stuck one.
+long, so only the comparison with the map reveals a stuck one. Before the arm starts, such a signal
+ends nothing: it is the cause that is named when nothing can be planned with it. So is a head that
+does not turn as it should.
 """
 
 from dataclasses import dataclass, field, replace
@@ -10,7 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.planning.reach.observation import Observation
+from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
 
 _SAMPLE = 300
 """Number of points of a cloud that are compared with the next cloud."""
@@ -23,7 +27,7 @@ class SteadinessParams:
     outlier: float = 3.0
     """A single jump is clipped to this multiple of its limit: an object may be moved once."""
     memory: float = 1.0
-    """Time constant of the means of goal and base [s]."""
+    """Time constant of the means of goal, base and head [s]."""
     goal: float = 0.02
     """Mean jump of the goal object [m]: 0.4 m/s, which no reach could follow. Measured: 0.0001 at
     rest, 0.05 with noise of 20 mm."""
@@ -40,6 +44,9 @@ class SteadinessParams:
     cloud_quantile: float = 0.25
     """That quantile: an obstacle that moves may be most of a cloud, and not all of where it was is
     seen to be free at once."""
+    head: float = 0.2
+    """Mean deviation of a head joint from its command [rad]. Measured: 0.01, 0.04 on a worn robot,
+    and 0.4 to 1 while its commands are stuck."""
     moving: float = 0.1
     """Distance from a tracked obstacle up to which points may move with it [m]."""
 
@@ -52,6 +59,7 @@ class Steadiness:
         goal: Mean jump of the goal object [m].
         base: Mean jump of the base [m].
         cloud: Mean jump of the cloud [m].
+        head: Mean deviations (2,) of HeadYaw and HeadPitch from their commands [rad].
         shift: Motion (3,) of the cloud's centre from the cloud before to the previous one [m].
         other_clouds: Number of successive clouds that differ from the map's.
         last: The previous observation; None at the start.
@@ -61,6 +69,7 @@ class Steadiness:
     goal: float = 0.0
     base: float = 0.0
     cloud: float = 0.0
+    head: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
     shift: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     other_clouds: int = 0
     last: Observation | None = None
@@ -78,6 +87,7 @@ class Steadiness:
                 updated,
                 goal=_mean(self.goal, min(goal, params.outlier * params.goal), weight),
                 base=_mean(self.base, min(base, params.outlier * params.base), weight),
+                head=self.head + min(weight, 1.0) * (np.abs(observation.head_error) - self.head),
             )
         if last_cloud is not None and observation.cloud_time == last_cloud.cloud_time:
             return updated
@@ -103,6 +113,10 @@ class Steadiness:
             cloud=_mean(self.cloud, min(jump, params.outlier * params.cloud), weight),
         )
 
+    def of_moving_base(self) -> "Steadiness":
+        """Returns the means of a robot that may drive: its base is not held against it."""
+        return replace(self, base=0.0)
+
     def unsteady_signal(self, params: SteadinessParams) -> tuple[str, str] | None:
         """Returns reason and sentence for a signal that is not steady; None if all are."""
         for name, jump, limit, words in (
@@ -110,12 +124,22 @@ class Steadiness:
             ("base", self.base, params.base, "the base, which should stand,"),
             ("cloud", self.cloud, params.cloud, "the cloud of obstacles"),
         ):
+            if name == "cloud" and self.other_clouds >= params.other_clouds:  # It may jump, too.
+                words = (
+                    "the cloud of obstacles is not that of the map: it is stuck or comes changed"
+                )
+                return "cloud_wrong", words
             if jump > limit:
                 return f"{name}_unsteady", f"{words} jumps about, by {1000 * jump:.1f} mm at a time"
-        if self.other_clouds >= params.other_clouds:
-            words = "the cloud of obstacles is not that of the map: it is stuck or comes changed"
-            return "cloud_wrong", words
         return None
+
+    def cause(self, params: SteadinessParams) -> tuple[str, str] | None:
+        """Returns reason and sentence of why nothing could be seen or planned; None if unknown."""
+        joint = int(np.argmax(self.head))
+        if self.head[joint] > params.head:
+            held = StopReason.JOINT_HELD
+            return held.name.lower(), stop_sentence(held, JOINT_GROUPS["head"][joint])
+        return self.unsteady_signal(params)
 
 
 def _mean(mean: float, jump: float, weight: float) -> float:

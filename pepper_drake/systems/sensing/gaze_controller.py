@@ -68,7 +68,7 @@ class GazeController(LeafSystem):
     `cloud` (PointCloud in W); while `look_at` (3, in W) [m] is finite, it glances there instead.
     See `GazePolicy`.
 
-    State: a `GazeState` as numbers (12 + N, discrete).
+    State: a `GazeState` as numbers (14 + N, discrete).
     Events: one periodic discrete update; one at initialization.
 
     Args:

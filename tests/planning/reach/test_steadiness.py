@@ -11,10 +11,17 @@ from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
 from pepper_drake.planning.reach.reach_mode import ReachMode
+from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.reach_state_machine import step
 from pepper_drake.planning.reach.steadiness import Steadiness, SteadinessParams
 from pepper_drake.planning.safety.command_check import StopReason
-from tests.planning.reach.scripted_planner import TIMING, ScriptedPlanner, Supervised
+from tests.planning.reach.scripted_planner import (
+    TIMING,
+    ScriptedPlanner,
+    Supervised,
+    plan,
+    unseen_plan,
+)
 
 PARAMS = SteadinessParams()
 PERIOD = 0.05
@@ -160,3 +167,82 @@ def test_a_cloud_that_comes_shifted_is_told_by_the_map():
     unsteady = mapped(10, shift=0.05).unsteady_signal(PARAMS)
     assert unsteady is not None
     assert unsteady[0] == "cloud_wrong"
+
+
+def failed_with(one, **changing):
+    """A reach stepped until it has failed, with signals that are functions of the step."""
+    for k in range(400):
+        if one.state.mode == ReachMode.FAILED:
+            return one.state
+        one.set(**{name: value(k) for name, value in changing.items()}).step()
+    raise AssertionError(one.state.mode)
+
+
+def noisy_goal(size):
+    rng, p_WO = np.random.default_rng(6), Supervised().seen.p_WO
+    return lambda k: RigidTransform(p_WO + rng.normal(0.0, size, 3))
+
+
+@pytest.mark.parametrize("size", [0.0, 0.001, 0.02])
+@pytest.mark.parametrize("status", [PlanStatus.NO_CLEAR_PATH, PlanStatus.NOT_SEEN])
+def test_before_the_arm_starts_a_goal_that_jumps_about_is_why_no_plan_is_clear(size, status):
+    reach = unseen_plan() if status == PlanStatus.NOT_SEEN else plan(status, "no path")
+    state = failed_with(Supervised(ScriptedPlanner(reach=reach)), X_WO=noisy_goal(size))
+    assert state.reason == ("goal_unsteady" if size > 0.01 else status.value)
+    assert state.message.endswith(reach.message), "the symptom is named, too"
+
+
+def test_before_the_arm_starts_a_cloud_that_is_not_the_maps_is_why_no_plan_is_clear():
+    one = Supervised(ScriptedPlanner(placement=plan(PlanStatus.NO_CLEAR_PATH, "-6 mm")))
+    camera, rng = CAMERA_DEPTH.intrinsics, np.random.default_rng(7)
+    depth = np.ones((camera.height, camera.width), np.float32)
+
+    def space(_):
+        view = DepthFrame(depth, RigidTransform(), one.time, camera)
+        return SeenSpace(VoxelMap.empty(), (view,))
+
+    state = failed_with(one, space=space, cloud=lambda _: GRID + rng.normal(0.0, 0.05, GRID.shape))
+    assert state.steadiness.cloud > PARAMS.cloud, "it jumps about as well"
+    assert state.reason == "cloud_wrong"
+    assert state.message.endswith("-6 mm")
+
+
+def test_a_clear_plan_is_not_held_up_and_the_arm_starts_with_a_clean_slate():
+    one = Supervised()
+    noise = noisy_goal(0.002)
+    while one.state.mode != ReachMode.REACHING:
+        one.set(X_WO=noise(0), base_pose=np.array([0.01 * one.ticks, 0.0, 0.0])).step()
+    assert one.state.steadiness.last is None
+    assert one.state.steadiness.goal == 0.0
+
+
+def test_a_base_that_drives_is_not_unsteady():
+    one = Supervised(ScriptedPlanner(reach=plan(PlanStatus.NO_CLEAR_PATH, "no path")))
+    state = failed_with(one, base_pose=lambda k: np.array([0.02 * k, 0.0, 0.0]))
+    assert state.reason == "no_clear_path"
+
+
+@pytest.mark.parametrize("joint", ["HeadYaw", "HeadPitch"])
+def test_a_head_that_does_not_turn_is_why_the_goal_is_not_seen_or_the_drive(joint):
+    head = Supervised().seen.joint_position[:2]
+    off = 0.5 * np.array([joint == "HeadYaw", joint == "HeadPitch"])
+    away = unseen_plan()
+    for planner, seen in ((ScriptedPlanner(), False), (ScriptedPlanner(placement=away), True)):
+        planner.drive = away
+        for error, reason in ((off, "joint_held"), (0.0 * off, None)):
+            one = Supervised(planner).set(goal_valid=seen, head_command=head + error)
+            state = failed_with(one)
+            assert state.reason == (reason or ("not_seen" if seen else "goal_not_seen"))
+            assert (joint in state.message) == (reason is not None)
+
+
+def test_a_head_on_its_way_to_the_next_view_does_not_count_as_held():
+    head = Supervised().seen.joint_position[:2]
+    one = Supervised().set(goal_valid=False)
+    # Late by a tenth of a radian, and far off for a moment.
+    state = failed_with(one, head_command=lambda k: head + (0.5 if k % 14 == 0 else 0.1))
+    assert state.reason == "goal_not_seen"
+
+
+def test_a_robot_that_cannot_tell_where_its_head_should_be_is_not_accused():
+    assert failed_with(Supervised().set(goal_valid=False)).reason == "goal_not_seen"

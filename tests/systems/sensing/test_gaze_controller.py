@@ -297,6 +297,30 @@ def test_a_place_that_has_to_be_seen_is_glanced_at_and_the_goal_looked_at_again(
     assert shows(CAMERA_TOP, FAR.translation())
 
 
+@pytest.mark.parametrize("late", [0.1, 0.5, 1.0])
+def test_a_place_is_glanced_at_between_two_sightings_of_the_goal_however_late_these_come(late):
+    system = GazeController(secondary_camera=CAMERA_DEPTH, radius=0.03, side=-1.0)
+    wanted = np.array([0.6, -0.5, 0.85])
+    bench = Bench(FAR, system, age=[late], velocity=np.zeros(3), look_at=wanted)
+    sightings, wanted_seen, goal_seen = [0.0], [], []
+    for time in np.arange(0.05, 8.0, 0.05):
+        head = bench.run(time).output("head_position_command")
+        shown = []
+        for camera, p_WP in ((CAMERA_DEPTH, wanted), (CAMERA_TOP, FAR.translation())):
+            p_CP = (X_WT @ camera_pose(camera, head)).inverse() @ p_WP
+            shown.append(bool(camera.intrinsics.sees(p_CP[None])[0]))
+        wanted_seen.append(shown[0])
+        goal_seen.append(shown[1])
+        if round(20 * time) % 4 == 0 and shown[1]:
+            sightings.append(time)
+        arrived = [sighting for sighting in sightings if sighting <= time - late + 1e-9]
+        bench.fix("age", [time - arrived[-1] if arrived else late])
+    assert any(wanted_seen)
+    left = 0.05 * np.flatnonzero(np.diff(np.array(goal_seen, dtype=int)) == -1)
+    assert len(left) >= 3
+    assert np.diff(left).min() > late, "not before a sighting after the last glance has come"
+
+
 @pytest.mark.parametrize(
     ("following_angle", "hunts"), [(0.0, True), (LIMITS.following_angle, False)]
 )
