@@ -8,6 +8,7 @@ import numpy.typing as npt
 from pydrake.geometry import Cylinder
 from pydrake.math import RigidTransform
 
+from pepper_drake.errors import InputError
 from pepper_drake.perception.cameras.camera import CameraIntrinsics
 from pepper_drake.perception.mapping.cloud import depth_in_metres, to_point_cloud
 from pepper_drake.perception.mapping.depth_scale import depth_scale
@@ -85,7 +86,10 @@ class DepthImageMapper:
         )
         if fault != DepthFault.NONE:
             return received
-        depth = depth_in_metres(image.pixels, self.intrinsics)
+        try:
+            depth = depth_in_metres(image.pixels, self.intrinsics)
+        except InputError:
+            return replace(received, fault=DepthFault.WRONG_UNIT)
         known, validity = memory.settled_points(self.parameters.memory), self.parameters.validity
         fault = depth_fault(depth, image.X_WC, known, self.intrinsics, validity)
         if fault == DepthFault.NONE and abs(self._scale(depth, image) - 1.0) > validity.scale_error:

@@ -39,6 +39,8 @@ class DepthFault(enum.IntEnum):
     """It contradicts much of the known scene."""
     WRONG_SCALE = 9
     """It shows the goal object nearer or farther than its marker does."""
+    WRONG_UNIT = 10
+    """Its numbers cannot be millimetres."""
 
 
 FAULT_SENTENCES = {
@@ -53,6 +55,7 @@ FAULT_SENTENCES = {
     DepthFault.CONTRADICTS_MAP: "the depth camera's images contradict what was seen before",
     DepthFault.WRONG_SCALE: "the depth camera and the goal object's marker disagree on how far it "
     "is: the camera's scale is wrong, or the stated size of the marker",
+    DepthFault.WRONG_UNIT: "the depth camera's images are not in millimetres",
 }
 
 _NOTHING = (0, 2047, 65535, np.inf)

@@ -221,6 +221,9 @@ def spoilt(fault):
         image.mutable_data[:] *= 5
     elif fault == DepthFault.CONTRADICTS_MAP:
         image.mutable_data[1:] = 1300
+    elif fault == DepthFault.WRONG_UNIT:
+        image.mutable_data[:] = np.maximum(image.data // 1000, 1)
+        image.mutable_data[::2] = 3
     return image, stamp
 
 
