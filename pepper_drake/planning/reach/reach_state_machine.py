@@ -55,10 +55,13 @@ def _step(
     state: ReachState, observation: Observation, planner: Planner, timing: ReachTiming
 ) -> ReachState:
     supervision = _Supervision(observation, planner, timing)
-    steadiness = state.steadiness.advanced(observation, timing.steadiness)
-    if not state.has_started:
-        steadiness = steadiness.of_moving_base()
-    state = replace(state, steadiness=steadiness).after(timing.time_step)
+    if state.has_started or state.steadiness.is_due(observation.time, timing.steadiness):
+        steadiness = state.steadiness.advanced(observation, timing.steadiness)
+        if not state.has_started:
+            steadiness = steadiness.of_moving_base()
+        state = replace(state, steadiness=steadiness)
+    if state.has_started:
+        state = state.after(timing.time_step)
     failed = supervision.fault(state)
     if failed is not None:
         return failed

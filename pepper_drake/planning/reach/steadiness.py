@@ -28,6 +28,11 @@ class SteadinessParams:
     """A single jump is clipped to this multiple of its limit: an object may be moved once."""
     memory: float = 1.0
     """Time constant of the means of goal, base and head [s]."""
+    longest: float = 0.05
+    """Longest time that a jump of goal or base counts for [s]: the supervision's period."""
+    before_start: float = 0.2
+    """Period of the means before the arm starts [s]: that of images. With each of them the
+    supervision's state changes, which is work for the whole loop."""
     goal: float = 0.02
     """Mean jump of the goal object [m]: 0.4 m/s, which no reach could follow. Measured: 0.0001 at
     rest, 0.05 with noise of 20 mm."""
@@ -80,14 +85,16 @@ class Steadiness:
         last, last_cloud = self.last, self.last_cloud
         updated = replace(self, last=observation)
         if last is not None:
-            weight = (observation.time - last.time) / params.memory
+            passed = observation.time - last.time
+            weight = min(passed, params.longest) / params.memory
             goal = float(np.linalg.norm(observation.p_WO - last.p_WO))
             base = float(np.linalg.norm((observation.base_pose - last.base_pose)[:2]))
             updated = replace(
                 updated,
                 goal=_mean(self.goal, min(goal, params.outlier * params.goal), weight),
                 base=_mean(self.base, min(base, params.outlier * params.base), weight),
-                head=self.head + min(weight, 1.0) * (np.abs(observation.head_error) - self.head),
+                head=self.head
+                + min(passed / params.memory, 1.0) * (np.abs(observation.head_error) - self.head),
             )
         if last_cloud is not None and observation.cloud_time == last_cloud.cloud_time:
             return updated
@@ -112,6 +119,10 @@ class Steadiness:
             updated,
             cloud=_mean(self.cloud, min(jump, params.outlier * params.cloud), weight),
         )
+
+    def is_due(self, time: float, params: SteadinessParams) -> bool:
+        """Tells whether the means are updated before the arm starts, at a time [s]."""
+        return self.last is None or time - self.last.time > params.before_start - 1e-6
 
     def of_moving_base(self) -> "Steadiness":
         """Returns the means of a robot that may drive: its base is not held against it."""

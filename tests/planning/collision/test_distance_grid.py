@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
 
@@ -85,6 +85,7 @@ def test_what_is_measured_on_the_way_is_what_is_measured_before(seed):
     found = np.concatenate([grid.distance(some, np.array([0, 1])) for some in points[:, None]])
     place = (points - REGION.lower) / REGION.spacing
     place = np.clip(place, 0.0, np.array(REGION.counts) - 1.0)
+    assume(np.abs(place % 1.0 - 0.5).min() > 1e-5)  # Between two nodes rounding decides.
     node = np.rint(place).astype(int)
     for layer, values in enumerate(
         (measure(REGION.nodes()), np.minimum(most, measure(REGION.nodes())))
