@@ -4,13 +4,18 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
+from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.planning.reach.kinematic_simulation import ArmState
 from pepper_drake.planning.reach.movement_origin import Origin
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.separation import StaleSpace
-from pepper_drake.planning.trajectories.retreat import NewObstacleParams
+from pepper_drake.planning.trajectories.retreat import (
+    NewObstacleParams,
+    dilate_new_points,
+    extrude_new_points_down,
+)
 from tests.planning.reach.scripted_planner import (
     ADAPTED,
     BESIDE,
@@ -259,6 +264,29 @@ def test_a_detour_keeps_more_distance_from_new_obstacles_than_the_check():
     for name, reach in (("remaining_clearance", 0.0), ("replan", NewObstacleParams().dilation)):
         aside = np.linalg.norm((one.planner.last(name).cloud - BESIDE)[:, :2], axis=1).max()
         assert aside == pytest.approx(reach, abs=1e-9)
+
+
+def test_what_is_added_to_a_new_obstacle_is_no_denser_than_needed_and_leaves_no_gap():
+    params, known = NewObstacleParams(), PointCloudDistance(CLOUD, extension=0.0)
+    dense = BESIDE + 0.005 * np.argwhere(np.ones((12, 8, 4)))
+    one = on_its_way(ahead=0.004).set(cloud=dense).look()
+    cloud = one.planner.last("replan").cloud
+    np.testing.assert_array_equal(cloud[: len(dense)], dense)
+    wide = dilate_new_points(dense, known, X_WO.translation(), params=params)
+    whole = extrude_new_points_down(wide, known, X_WO.translation(), params)
+    assert len(cloud) < 0.5 * len(whole)
+    kept = PointCloudDistance(cloud, extension=0.0)
+    assert kept.distance(whole).max() < np.sqrt(3.0) * params.spacing
+
+
+@pytest.mark.parametrize("is_still_seen", [True, False])
+def test_a_retreat_keeps_off_what_was_there_once_whether_it_is_still_seen(is_still_seen):
+    cloud = np.concatenate((BESIDE[None], CLOUD + 0.001)) if is_still_seen else BESIDE[None]
+    one = on_its_way(ahead=0.0, ahead_from=0.0)
+    one.set(cloud=cloud, predicted_cloud=BESIDE[None]).look().advance(LATENCY.plan)
+    kept = one.planner.last("plan_retreat").cloud
+    for point in CLOUD:
+        assert np.count_nonzero(np.linalg.norm(kept - point, axis=1) < 0.005) == 1
 
 
 def waiting():
