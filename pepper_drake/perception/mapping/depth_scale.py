@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
@@ -104,17 +103,15 @@ def depth_scale(
         on_support = (X_WO.translation()[2] - p_WC[2]) / directions[..., 2]
         offset = (p_WC + on_support[..., None] * directions - X_WO.translation())[..., :2]
     beside = np.linalg.norm(offset, axis=-1)
-    # At its outline a pixel may show what is behind it.
-    square = np.ones((3, 3), np.uint8)
-    hits = np.isfinite(on_thing).astype(np.uint8)
+    hits = np.isfinite(on_thing)
     seen = measured > 0.0
     if robot is not None:
         p_W = measured[seen][:, None] * directions[seen] + p_WC
         seen[seen] = ~robot.near(p_W, robot_margin)
-    inner = seen & (cv2.erode(hits, square, borderValue=0) > 0)
-    ring = seen & (cv2.dilate(hits, square) == 0) & (on_support > nearest) & (beside < around)
-    if min(np.count_nonzero(inner), np.count_nonzero(ring)) < _LEAST_PIXELS:
+    thing, support = seen & hits, seen & ~hits & (beside < around)
+    if min(np.count_nonzero(thing), np.count_nonzero(support)) < _LEAST_PIXELS:
         return np.nan
-    low_scale, scale, high_scale = np.quantile(measured[inner] / on_thing[inner], [0.2, 0.5, 0.8])
-    agrees = np.abs(measured[ring] / on_support[ring] - scale) < 0.5 * spread
+    # Outside these are pixels at its outline, which may show what is behind it.
+    low_scale, scale, high_scale = np.quantile(measured[thing] / on_thing[thing], [0.2, 0.5, 0.8])
+    agrees = np.abs(measured[support] / on_support[support] - scale) < 0.5 * spread
     return float(scale) if high_scale - low_scale < spread and agrees.mean() > 0.5 else np.nan

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.geometry import (
     Box,
@@ -17,9 +17,17 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.errors import InputError
+from pepper_drake.learning.dmp.point_cells import PointCells
 from pepper_drake.models.control_model import ControlModel
 from pepper_drake.models.pepper import POSTURES
-from pepper_drake.perception.mapping.solids import RobotSolids, Solid, near_solids
+from pepper_drake.perception.mapping.solids import (
+    RobotSolids,
+    Solid,
+    SolidArrays,
+    SolidSet,
+    minimum_link_distances,
+    near_solids,
+)
 
 SHAPES = [Box(0.1, 0.2, 0.3), Cylinder(0.1, 0.3), Sphere(0.15), Capsule(0.08, 0.2)]
 
@@ -92,3 +100,28 @@ def test_robot_is_where_its_joints_put_it():
     hand = model.pose(context, "r_hand_effector").translation()
     points = np.array([hand, [0.4, 0.0, 0.85], [0.4, 0, 1.7], [0.9, 0, 0.8]])
     np.testing.assert_array_equal(robot.near(points, q, 0.03), [True, True, False, False])
+
+
+@given(seed=st.integers(0, 10**6), kind=st.integers(0, 3))
+@settings(max_examples=60)
+def test_distances_of_links_are_those_of_their_solids(seed, kind):
+    rng = np.random.default_rng(seed)
+    shape = (Box(0.3, 0.04, 0.1), Cylinder(0.05, 0.4), Sphere(0.08), Capsule(0.03, 0.5))[kind]
+
+    def pose():
+        return RigidTransform(
+            RollPitchYaw(rng.uniform(-3.0, 3.0, 3)).ToRotationMatrix(), rng.uniform(-0.2, 0.2, 3)
+        )
+
+    solids, links = [Solid(shape, pose()), Solid(Sphere(0.05), pose())], [pose(), pose()]
+    points, most = rng.uniform(-0.6, 0.6, (200, 3)), 0.0
+    found = minimum_link_distances(
+        np.array([[X.rotation().matrix() for X in links]]),
+        np.array([[X.translation() for X in links]]),
+        np.array([1, 0]),
+        SolidArrays.of(solids),
+        PointCells.of(points),
+        most,
+    )
+    exact = SolidSet.posed(solids, links[::-1]).distance(points, most).min()
+    np.testing.assert_allclose(found, exact, atol=1e-12)
