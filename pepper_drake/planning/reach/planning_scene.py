@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform
 
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
 from pepper_drake.models.control_model import ControlModel, arm_joints, body_indices
+from pepper_drake.models.pepper import JOINT_GROUPS
 from pepper_drake.perception.mapping.solids import Solid, sample_surface
 from pepper_drake.planning.collision.arm_collision_checker import (
     ArmCollisionChecker,
@@ -79,7 +80,7 @@ class PlanningSceneBuilder:
         self._goal_surface = sample_surface(goal_solids)
         self._goal_object = PointCloudDistance(self._goal_surface, extension=0.0)
         self._goal_radius = max((solid.width for solid in goal_solids), default=0.0)
-        self._arm_in_body = body_indices(arm_joints(arm))
+        self._not_in_layer = body_indices((*JOINT_GROUPS["head"], *arm_joints(arm)))
         self._sampled = lru_cache(maxsize=32)(self._sample)
         # One answer asks for the same several times.
         self._torso = lru_cache(maxsize=4)(self._torso_pose)
@@ -155,9 +156,12 @@ class PlanningSceneBuilder:
         )
 
     def _body_layer(self, joint_position: Vector) -> npt.NDArray[np.float32]:
-        """Returns the body's distances on the grid, with rounded joints."""
+        """Returns the body's distances on the grid, with rounded joints.
+
+        The head's are those of all its angles, so that they stay while it looks around.
+        """
         rounded = np.round(joint_position / 0.05) * 0.05
-        rounded[self._arm_in_body] = 0.0
+        rounded[self._not_in_layer] = 0.0
         return self._sampled(tuple(rounded))
 
     def _sample(self, joint_position: tuple[float, ...]) -> npt.NDArray[np.float32]:

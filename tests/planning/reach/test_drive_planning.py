@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from pepper_drake.diagrams.factory import make_coupling
 from pepper_drake.learning.dmp.point_cloud_distance import PointCloudDistance
+from pepper_drake.models.control_model import body_indices
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.gaze.head_aiming import camera_pose
 from pepper_drake.perception.gaze.view_planning import head_grid
@@ -15,6 +16,8 @@ from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.solids import Solid, sample_surface
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
+from pepper_drake.planning.collision.arm_collision_checker import sample_body
+from pepper_drake.planning.reach import planning_scene
 from pepper_drake.planning.reach.planning_scene import PlanningSceneBuilder
 from pepper_drake.planning.reach.reach_parameters import ReachPlannerParams
 from pepper_drake.planning.reach.reach_plan import PlanStatus
@@ -102,6 +105,24 @@ def test_a_lifted_goal_object_stands_on_nothing_where_space_was_seen_to_be_free(
     assert len(fields[unknown].points) > len(sides) + len(beside)
     below = fields[unknown].distance(observation.p_WO[None])
     assert below[0] < 1e-6
+
+
+def test_the_bodys_distances_stay_while_the_head_looks_around(monkeypatch):
+    sampled = []
+    monkeypatch.setattr(
+        planning_scene,
+        "sample_body",
+        lambda arm, body, allowance: sampled.append(arm) or sample_body(arm, body, allowance),
+    )
+    builder = PlanningSceneBuilder(MODEL, "right", [], ReachPlannerParams())
+    sampled.clear()
+    for head, hip, count in ((0.0, 0.0, 1), (0.5, 0.0, 1), (-0.5, 0.2, 2)):
+        joints = np.zeros(15)
+        joints[body_indices(["HeadYaw"])] = head
+        joints[body_indices(["HipPitch"])] = hip
+        seen = replace(observed(ORIGIN, object_at()), joint_position=joints)
+        assert builder(seen).checker.grid is not None
+        assert len(sampled) == count
 
 
 def test_what_is_hidden_below_a_thing_is_no_room_for_the_base(watchful, room):
