@@ -85,7 +85,7 @@ ALLOWED = {
     },
     "perception/mapping/depth_validity.py": {
         "format": "_NOTHING",
-        "numeric": "_FLOOR_STRIDE",
+        "numeric": "_FLOOR_STRIDE _NOISE_STRIDE _NEIGHBOURS",
     },
     "perception/mapping/dynamic_obstacles.py": {
         "sentinel": "_NOWHERE",

@@ -41,6 +41,8 @@ class DepthFault(enum.IntEnum):
     """It shows the goal object nearer or farther than its marker does."""
     WRONG_UNIT = 10
     """Its numbers cannot be millimetres."""
+    NOISE = 11
+    """Its pixels are not those of surfaces, but unrelated to their neighbours."""
 
 
 FAULT_SENTENCES = {
@@ -56,12 +58,17 @@ FAULT_SENTENCES = {
     DepthFault.WRONG_SCALE: "the depth camera and the goal object's marker disagree on how far it "
     "is: the camera's scale is wrong, or the stated size of the marker",
     DepthFault.WRONG_UNIT: "the depth camera's images are not in millimetres",
+    DepthFault.NOISE: "the depth camera's images are noise: their pixels do not fit together",
 }
 
 _NOTHING = (0, 2047, 65535, np.inf)
 """Values by which cameras and drivers mark holes."""
 _FLOOR_STRIDE = 8
 """Stride of the pixels checked for the floor."""
+_NOISE_STRIDE = 2
+"""Stride of the rows in which neighbouring pixels are compared."""
+_NEIGHBOURS = 8
+"""Largest distance of neighbours, between which there may be holes [pixels]."""
 
 
 @dataclass(unsafe_hash=True)
@@ -84,6 +91,11 @@ class ValidityParameters:
         scale_error_spread: Spread of the relative depth errors below which they are due to a wrong
             scale.
         scale_error: Largest relative error of the goal object's depth.
+        noise: Fraction of neighbouring pixels on two surfaces above which an image is noise.
+            Measured: up to 0.02; 0.2 and more if the bytes of its numbers are exchanged, and 0.8
+            if they are random.
+        surface_step: Largest difference of neighbouring depths on one surface, relative to the
+            nearer one.
         moved: Displacement at which a frame has moved [m], above the noise of measured joints, ...
         turned: ... or rotation at which it has [rad].
     """
@@ -101,6 +113,8 @@ class ValidityParameters:
     min_shown_fraction: float = 0.03
     scale_error_spread: float = 0.04
     scale_error: float = 0.07
+    noise: float = 0.15
+    surface_step: float = 0.15
     moved: float = 0.002
     turned: float = 0.004
 
@@ -167,10 +181,12 @@ def depth_fault(
         parameters: Parameters of the check.
 
     Returns:
-        BLANK, BELOW_FLOOR, CONTRADICTS_MAP or NONE.
+        BLANK, NOISE, BELOW_FLOOR, CONTRADICTS_MAP or NONE.
     """
     if parameters.shows_all and _is_blank(depth, X_WC, known, intrinsics, parameters):
         return DepthFault.BLANK
+    if _is_noise(depth, parameters):
+        return DepthFault.NOISE
     if lies_below_floor(depth, X_WC, intrinsics, parameters):
         return DepthFault.BELOW_FLOOR
     off, z = _depth_changes(depth, X_WC, known, intrinsics)
@@ -246,6 +262,17 @@ def _is_blank(
         len(shown) >= parameters.min_expected_points
         and float(np.mean(shown)) < parameters.min_shown_fraction
     )
+
+
+def _is_noise(depth: Array, parameters: ValidityParameters) -> bool:
+    """Tells whether too many neighbouring pixels lie on two surfaces."""
+    rows = depth[::_NOISE_STRIDE].ravel()
+    pixels = np.flatnonzero(rows)
+    z, near = rows[pixels], np.diff(pixels) <= _NEIGHBOURS
+    if np.count_nonzero(near) < parameters.min_points:
+        return False
+    step = np.abs(np.diff(z)) / np.minimum(z[:-1], z[1:])
+    return bool(np.mean(step[near] > parameters.surface_step) > parameters.noise)
 
 
 def lies_below_floor(

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH, pixel_rays
+from pepper_drake.perception.mapping.cloud import depth_in_metres
 from pepper_drake.perception.mapping.depth_validity import (
     FAULT_SENTENCES,
     DepthFault,
@@ -91,6 +92,36 @@ def test_the_same_bits_again_are_of_a_camera_that_hangs():
     changed = image.copy()
     changed[7, 9] += 1
     assert single(changed, image) == DepthFault.NONE
+
+
+@pytest.mark.parametrize("share", [0.05, 1.0])
+def test_random_numbers_are_noise_even_if_most_are_out_of_range(share):
+    rng = np.random.default_rng(5)
+    numbers = rng.uniform(CAMERA.near, 6.0, SHAPE).astype(np.float32)
+    numbers[rng.random(SHAPE) > share] = 0.0
+    nothing = np.zeros((0, 3))
+    assert depth_fault(numbers, X_WC, nothing, CAMERA, PARAMETERS) == DepthFault.NOISE
+
+
+def test_exchanged_bytes_are_noise():
+    exchanged = depth_in_metres(millimetres(scene()).byteswap(), CAMERA)
+    nothing = np.zeros((0, 3))
+    assert depth_fault(exchanged, X_WC, nothing, CAMERA, PARAMETERS) == DepthFault.NOISE
+
+
+def test_an_image_with_noise_on_its_surfaces_or_of_fences_is_not_noise():
+    rng = np.random.default_rng(6)
+    rough = (scene() * rng.normal(1.0, 0.03, SHAPE)).astype(np.float32)
+    known = points(scene())
+    assert depth_fault(rough, X_WC, known, CAMERA, PARAMETERS) == DepthFault.NONE
+    # A post in each sixteen pixels: every eighth pair of neighbours has one of its edges.
+    sparse = scene()
+    sparse[:, ::16] *= 0.5
+    assert depth_fault(sparse, X_WC, known, CAMERA, PARAMETERS) == DepthFault.NONE
+    few = np.zeros(SHAPE, np.float32)
+    few[::20, ::3] = rng.uniform(CAMERA.near, 6.0, few[::20, ::3].shape)
+    shows_little = ValidityParameters(shows_all=False, min_points=2000)
+    assert depth_fault(few, UP, known, CAMERA, shows_little) == DepthFault.NONE
 
 
 UP = RigidTransform(RollPitchYaw(-np.pi / 2 + 0.3, 0, -np.pi / 2), [0.0, 0.0, 1.2])

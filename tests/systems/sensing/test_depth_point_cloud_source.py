@@ -224,6 +224,8 @@ def spoilt(fault):
     elif fault == DepthFault.WRONG_UNIT:
         image.mutable_data[:] = np.maximum(image.data // 1000, 1)
         image.mutable_data[::2] = 3
+    elif fault == DepthFault.NOISE:
+        image.mutable_data[:] = np.random.default_rng(0).integers(400, 2000, image.data.shape)
     return image, stamp
 
 
