@@ -267,7 +267,9 @@ class HeadPerception(Diagram):
             reader = source if camera == "camera_depth" else estimator
             for port, name in ports.items():
                 builder.ExportInput(reader.GetInputPort(name), f"{camera}.{port}")
-        builder.ExportOutput(estimator.GetOutputPort("image_ages"), "image_ages")
+        ages = estimator.GetOutputPort("image_ages")
+        builder.ExportOutput(ages, "image_ages")
+        builder.Connect(ages, self._gaze.GetInputPort("image_ages"))
         goal = self._guarded_goal(estimator, station.config.faults)
         for name in ("object_pose", "valid", "age", "velocity"):
             builder.Connect(goal[name], self._gaze.GetInputPort(name))

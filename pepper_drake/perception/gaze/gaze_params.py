@@ -27,6 +27,9 @@ class HeadSearchParams:
     view_duration: float = 1.4
     """Duration of each of the eight views [s], of which the head moves for 0.6 s: three images at
     5 Hz must agree."""
+    view_images: float = 4.0
+    """Number of images for which a view waits where they come more seldom: three that agree, and
+    one while the head moves."""
 
 
 @dataclass(unsafe_hash=True)

@@ -46,7 +46,10 @@ class GazeState:
         arrived: Time at which the head arrived at its target [s]; infinite while it moves.
         glancing: Whether its target is beside the object.
         target: Head angles (2,) of a scan [rad]; NaN without a scan.
-        search_start: Time at which a search for the object began [s]; NaN without one.
+        search_start: Time at which a search for the object began, later by what it waited for
+            images [s]; NaN without one.
+        search_until: Time since then up to which enough images have come [s].
+        image_time: Capture time of the newest image during the search [s].
         turned_back: Time at which it turned back to the object, or the scan began [s]; infinite
             during a glance.
         age: Time since the object was last seen, at the last step [s].
@@ -62,6 +65,8 @@ class GazeState:
     glancing: bool
     target: Vector
     search_start: float
+    search_until: float
+    image_time: float
     turned_back: float
     age: float
     seen: Vector
@@ -80,13 +85,15 @@ class GazeState:
             False,
             nothing,
             math.nan,
+            0.0,
+            -math.inf,
             math.inf,
             math.inf,
             _NEVER_SEEN,
         )
 
     def to_vector(self) -> Vector:
-        """Returns the state as numbers (14 + N,)."""
+        """Returns the state as numbers (16 + N,)."""
         flags = (self.camera, self.in_view, self.reachable, self.arrived, self.glancing)
         return np.concatenate(
             (
@@ -94,7 +101,8 @@ class GazeState:
                 self.velocity,
                 flags,
                 self.target,
-                [self.search_start, self.turned_back, self.age],
+                [self.search_start, self.search_until, self.image_time],
+                [self.turned_back, self.age],
                 self.seen,
             )
         )
@@ -103,6 +111,7 @@ class GazeState:
     def from_vector(cls, vector: Vector) -> "GazeState":
         """Returns the state from its numbers."""
         camera, in_view, reachable, arrived, glancing = vector[4:9].tolist()
+        search_start, search_until, image_time, turned_back, age = vector[11:16].tolist()
         return cls(
             vector[:2].copy(),
             vector[2:4].copy(),
@@ -112,10 +121,12 @@ class GazeState:
             arrived,
             glancing > 0.0,
             vector[9:11].copy(),
-            float(vector[11]),
-            float(vector[12]),
-            float(vector[13]),
-            vector[14:].copy(),
+            search_start,
+            search_until,
+            image_time,
+            turned_back,
+            age,
+            vector[16:].copy(),
         )
 
 
@@ -135,6 +146,7 @@ class GazeObservation(NamedTuple):
         X_WT: Pose of the torso.
         X_WO: Pose of the object; None while unknown.
         age: Time since the object was last seen [s].
+        image_age: Age of the newest image in which it is searched for [s].
         velocity: The object's velocity (3,) in W [m/s].
         scan_enabled: Whether the head may scan around an object at rest.
         look_at: Point (3,) in W to look at [m]; None for none.
@@ -145,6 +157,7 @@ class GazeObservation(NamedTuple):
     X_WT: RigidTransform
     X_WO: RigidTransform | None
     age: float = 0.0
+    image_age: float = 0.0
     velocity: Vector = _AT_REST
     scan_enabled: bool = False
     look_at: Vector | None = None
@@ -183,7 +196,8 @@ class GazePolicy:
     Without a secondary camera the object is centred in the image. With one, the object is brought
     as close to the centre of the secondary camera's image as possible while a first camera still
     sees it well. A moving object is centred in any case, where it is by now. A missed one is
-    searched for with all cameras: above and below its last position, or along its motion. During a
+    searched for with all cameras: above and below its last position, or along its motion. One that
+    was not seen yet is searched for all around, no faster than images come. During a
     scan around an object at rest the head glances, between two looks at the object, at the places
     around it that the secondary camera has not seen for longest, or at a given point.
 
@@ -222,11 +236,10 @@ class GazePolicy:
         gaze, p_TP = None, np.zeros(3)
         if now.X_WO is None:
             aim = state.head
-            start = now.time if math.isnan(state.search_start) else state.search_start
+            state = self._searching(state, now)
             if self._search is not None:
-                was_seen = 0.0 < now.age < math.inf
-                aim = clamp_head(self._search(now.time - start, self._side, was_seen))
-            state = replace(state, camera=-1, target=np.full(2, np.nan), search_start=start)
+                was_seen, searched = 0.0 < now.age < math.inf, now.time - state.search_start
+                aim = clamp_head(self._search(searched, self._side, was_seen))
         else:
             # Until the arm moves, the base may: what its odometry errs by looks like motion.
             follows = now.scan_enabled and self._moves(now)
@@ -255,6 +268,24 @@ class GazePolicy:
             age=now.age,
             reachable=gaze is not None and gaze.in_view,
             in_view=gaze is not None and image_offset(gaze.camera, head, p_TP) < 1,
+        )
+
+    def _searching(self, state: GazeState, now: GazeObservation) -> GazeState:
+        """Returns the state of the search, which waits for images where they come seldom."""
+        params, taken = self._params.search, now.time - now.image_age
+        start, until = state.search_start, state.search_until
+        if math.isnan(start):
+            start, until = now.time, 0.5 * params.first_duration
+        elif taken > state.image_time:
+            most = now.time - start + params.first_duration
+            until = min(until + params.view_duration / params.view_images, most)
+        return replace(
+            state,
+            camera=-1,
+            target=np.full(2, np.nan),
+            search_start=max(start, now.time - until),
+            search_until=until,
+            image_time=taken,
         )
 
     def _moves(self, now: GazeObservation) -> bool:

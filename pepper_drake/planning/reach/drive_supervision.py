@@ -36,8 +36,11 @@ class DriveSupervision:
         if state.placement is not None:
             return self._check_drive(state, state.placement)
         if not self._observation.goal_valid:
-            if time - state.since > timing.goal_timeout:
-                message = f"no marker of the goal object was seen in {timing.goal_timeout:g} s"
+            longest = timing.goal_timeout
+            if self._observation.image_ages.min() < timing.images_lost:
+                longest *= state.steadiness.patience(timing.steadiness)
+            if time - state.since > longest:
+                message = f"no marker of the goal object was seen in {longest:.0f} s"
                 return self._goal_unseen(state, "goal_not_seen", message)
             return state
         if np.isnan(state.goal_seen_since):

@@ -15,7 +15,8 @@ from pepper_drake.planning.reach.reach_state import ReachState
 from pepper_drake.planning.reach.steadiness import SteadinessParams
 from pepper_drake.planning.safety.command_check import StopReason
 
-_SEEN = {*PlanStatus, "goal_not_seen", "goal_lost", StopReason.BODY_TOO_CLOSE.name.lower()}
+_GOAL_UNSEEN = {"goal_not_seen", "goal_lost"}
+_SEEN = {*PlanStatus, *_GOAL_UNSEEN, StopReason.BODY_TOO_CLOSE.name.lower()}
 """Reasons that follow from what is seen."""
 
 
@@ -31,6 +32,9 @@ def with_cause(state: ReachState, params: SteadinessParams) -> ReachState:
     if state.mode != ReachMode.FAILED or state.reason not in _SEEN:
         return state
     cause = state.steadiness.cause(params)
+    if cause is None and state.reason in {PlanStatus.NOT_SEEN, *_GOAL_UNSEEN}:
+        depth = state.reason not in _GOAL_UNSEEN
+        cause = state.steadiness.late_images(depth, params)
     if cause is None:
         return state
     return replace(state, reason=cause[0], message=f"{cause[1]}; {state.message}")

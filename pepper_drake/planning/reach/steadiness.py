@@ -52,6 +52,11 @@ class SteadinessParams:
     head: float = 0.2
     """Mean deviation of a head joint from its command [rad]. Measured: 0.01, 0.04 on a worn robot,
     and 0.4 to 1 while its commands are stuck."""
+    late: float = 0.6
+    """Mean age of the newest image above which a camera's images come late or seldom [s]. Measured:
+    0.3, and 1.2 where they come once a second."""
+    oldest: float = 2.0
+    """Age that counts for any greater one [s]."""
     moving: float = 0.1
     """Distance from a tracked obstacle up to which points may move with it [m]."""
 
@@ -65,6 +70,8 @@ class Steadiness:
         base: Mean jump of the base [m].
         cloud: Mean jump of the cloud [m].
         head: Mean deviations (2,) of HeadYaw and HeadPitch from their commands [rad].
+        ages: Mean ages (2,) of the newest depth image in the cloud and of the newest colour image
+            [s].
         shift: Motion (3,) of the cloud's centre from the cloud before to the previous one [m].
         other_clouds: Number of successive clouds that differ from the map's.
         last: The previous observation; None at the start.
@@ -75,6 +82,7 @@ class Steadiness:
     base: float = 0.0
     cloud: float = 0.0
     head: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    ages: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
     shift: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     other_clouds: int = 0
     last: Observation | None = None
@@ -87,14 +95,16 @@ class Steadiness:
         if last is not None:
             passed = observation.time - last.time
             weight = min(passed, params.longest) / params.memory
+            share = min(passed / params.memory, 1.0)
+            ages = np.array([observation.cloud_age, observation.image_ages.min()])
             goal = float(np.linalg.norm(observation.p_WO - last.p_WO))
             base = float(np.linalg.norm((observation.base_pose - last.base_pose)[:2]))
             updated = replace(
                 updated,
                 goal=_mean(self.goal, min(goal, params.outlier * params.goal), weight),
                 base=_mean(self.base, min(base, params.outlier * params.base), weight),
-                head=self.head
-                + min(passed / params.memory, 1.0) * (np.abs(observation.head_error) - self.head),
+                head=self.head + share * (np.abs(observation.head_error) - self.head),
+                ages=self.ages + share * (np.minimum(ages, params.oldest) - self.ages),
             )
         if last_cloud is not None and observation.cloud_time == last_cloud.cloud_time:
             return updated
@@ -151,6 +161,21 @@ class Steadiness:
             held = StopReason.JOINT_HELD
             return held.name.lower(), stop_sentence(held, JOINT_GROUPS["head"][joint])
         return self.unsteady_signal(params)
+
+    def late_images(self, depth: bool, params: SteadinessParams) -> tuple[str, str] | None:
+        """Returns reason and sentence if images, of depth or colour, come late; None if not."""
+        age = float(self.ages[0 if depth else 1])
+        if age <= params.late:
+            return None
+        reason, words = ("cloud", "depth camera's") if depth else ("images", "colour cameras'")
+        return f"{reason}_missing", (
+            f"the {words} images come so late or so seldom that the newest is {age:.1f} s old on "
+            "average"
+        )
+
+    def patience(self, params: SteadinessParams) -> float:
+        """Returns by what factor a search takes longer as it waits for images."""
+        return max(float(self.ages[1]) / params.late, 1.0)
 
 
 def _mean(mean: float, jump: float, weight: float) -> float:

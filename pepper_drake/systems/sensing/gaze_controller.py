@@ -41,6 +41,7 @@ class GazeController(LeafSystem):
         - scan_enabled (optional)
         - cloud (optional)
         - look_at (optional)
+        - image_ages (optional)
         output_ports:
         - head_position_command
         - head_velocity_command
@@ -66,9 +67,10 @@ class GazeController(LeafSystem):
     `scan_enabled` (1) is not zero and the object at rest, the head glances at its surroundings
     between two looks at it, preferably on the reaching arm's `side` of it and near the points of
     `cloud` (PointCloud in W); while `look_at` (3, in W) [m] is finite, it glances there instead.
-    See `GazePolicy`.
+    See `GazePolicy`. `image_ages` (2) [s] of the cameras' newest images make the search wait for
+    images.
 
-    State: a `GazeState` as numbers (14 + N, discrete).
+    State: a `GazeState` as numbers (16 + N, discrete).
     Events: one periodic discrete update; one at initialization.
 
     Args:
@@ -118,6 +120,7 @@ class GazeController(LeafSystem):
         self._cloud = self.DeclareAbstractInputPort("cloud", Value(PointCloud()))
         self._scan_enabled = self.DeclareVectorInputPort("scan_enabled", 1)
         self._look_at = self.DeclareVectorInputPort("look_at", 3)
+        self._image_ages = self.DeclareVectorInputPort("image_ages", 2)
 
         self._state = self.DeclareDiscreteState(GazeState.initial().to_vector())
         self._declare_output("head_position_command", 2, lambda state: state.head)
@@ -167,11 +170,14 @@ class GazeController(LeafSystem):
             return cloud_points(self._cloud.Eval(context))
 
         look_at = self._look_at.Eval(context) if self._look_at.HasValue(context) else None
+        searches = norm(self._valid, 1.0) == 0.0
+        has_ages = searches and self._image_ages.HasValue(context)
         return GazeObservation(
             context.get_time(),
             self._X_WT.Eval(context),
-            self._object_pose.Eval(context) if norm(self._valid, 1.0) > 0.0 else None,
+            None if searches else self._object_pose.Eval(context),
             norm(self._age, 0.0),
+            float(self._image_ages.Eval(context).min()) if has_ages else 0.0,
             self._velocity.Eval(context) if self._velocity.HasValue(context) else np.zeros(3),
             norm(self._scan_enabled, 0.0) > 0.5,
             look_at if look_at is not None and np.isfinite(look_at).all() else None,

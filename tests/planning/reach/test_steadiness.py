@@ -10,6 +10,7 @@ from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
+from pepper_drake.planning.reach.likely_cause import with_cause
 from pepper_drake.planning.reach.reach_mode import ReachMode
 from pepper_drake.planning.reach.reach_plan import PlanStatus
 from pepper_drake.planning.reach.reach_state_machine import step
@@ -246,3 +247,58 @@ def test_a_head_on_its_way_to_the_next_view_does_not_count_as_held():
 
 def test_a_robot_that_cannot_tell_where_its_head_should_be_is_not_accused():
     assert failed_with(Supervised().set(goal_valid=False)).reason == "goal_not_seen"
+
+
+def aged(cloud, image, seconds=20.0, timing=TIMING, **seen):
+    """A reach that sees neither goal nor drive, with images of these ages [s]."""
+    away = unseen_plan()
+    one = Supervised(ScriptedPlanner(placement=away, drive=away), timing)
+    for k in range(round(seconds / timing.time_step)):
+        if one.state.mode == ReachMode.FAILED:
+            break
+        ages = [max(image, 1.9), image] if k > 4 else [np.inf, np.inf]  # The first images come.
+        one.set(image_ages=np.array(ages), **seen)
+        one.image_time = one.time - cloud
+        one.step()
+    return one
+
+
+@pytest.mark.parametrize(
+    ("cloud", "image", "seen", "reason"),
+    [
+        (0.3, 0.3, True, "not_seen"),
+        (0.3, 1.2, True, "not_seen"),
+        (0.45, 0.3, False, "goal_not_seen"),
+        (0.3, 1.2, False, "images_missing"),
+        (1.9, 0.3, False, "goal_not_seen"),
+    ],
+)
+def test_images_that_come_late_are_why_something_is_not_seen(cloud, image, seen, reason):
+    state = aged(cloud, image, goal_valid=seen).state
+    assert (state.mode, state.reason) == (ReachMode.FAILED, reason)
+    if reason == "images_missing":
+        # The mean of two seconds.
+        assert "the newest is 1.0 s old on average; no marker" in state.message
+
+
+def test_depth_images_that_come_late_are_why_a_drive_is_not_seen():
+    one = aged(0.3, 0.3, seconds=1.5)
+    assert one.state.mode != ReachMode.FAILED
+    late = replace(one.state, steadiness=replace(one.state.steadiness, ages=np.array([1.0, 0.3])))
+    lost = late.fail(one.time, PlanStatus.NOT_SEEN.value, "a place")
+    named = with_cause(lost, PARAMS)
+    assert named.reason == "cloud_missing"
+    assert named.message.endswith("the newest is 1.0 s old on average; a place")
+    # Nothing else follows from it.
+    other = late.fail(one.time, PlanStatus.NO_CLEAR_PATH.value, "no path")
+    assert with_cause(other, PARAMS) is other
+
+
+@pytest.mark.parametrize(("image", "longer"), [(0.3, 1.0), (1.2, 2.0), (5.0, 1.0)])
+def test_the_search_may_last_longer_while_it_waits_for_images(image, longer):
+    """But not if they are lost."""
+    timing = replace(TIMING, goal_timeout=4.0)
+    one = aged(0.3, image, timing=timing, goal_valid=False)
+    assert one.state.mode == ReachMode.FAILED
+    assert one.time == pytest.approx(longer * timing.goal_timeout, abs=0.3)
+    assert (one.state.reason == "images_missing") == (image > PARAMS.late)

@@ -118,6 +118,56 @@ def test_the_search_knows_whether_the_object_was_seen_before(age, was_seen):
     assert asked == {was_seen}
 
 
+def searched_times(period, latency, until, last=np.inf):
+    """Search times asked for at times (N,) [s].
+
+    With images every `period`, `latency` old, none taken after `last` [s].
+    """
+    asked = []
+    system = GazeController(
+        search=lambda time, side, was_seen: asked.append(time) or np.array([0.3, 0.2])
+    )
+    bench = Bench(FAR, system, valid=[0.0])
+    for k in range(round(until / 0.02)):
+        now = 0.02 * k
+        taken = period * np.floor((min(now - latency, last)) / period + 1e-9)
+        bench.fix("image_ages", [np.inf, now - taken if taken >= 0.0 else np.inf])
+        bench.run(now + 0.001)
+    return np.array(asked)
+
+
+def test_the_search_waits_for_images_that_come_seldom():
+    search = LIMITS.search
+    usual = searched_times(0.2, 0.25, 8.0)
+    np.testing.assert_allclose(np.diff(usual), 0.02, atol=1e-9)
+    seldom = searched_times(1.0, 0.7, 20.0)
+    assert (np.diff(seldom) > -1e-9).all()
+    # As many images for each view as it needs, at least three of which the head stands still.
+    for view in range(3):
+        start = search.first_duration + view * search.view_duration
+        within = (seldom >= start) & (seldom < start + search.view_duration)
+        assert np.count_nonzero(within) * 0.02 == pytest.approx(search.view_images, abs=0.1)
+
+
+def test_without_any_image_the_search_stays_in_its_first_view():
+    first = LIMITS.search.first_duration
+    assert searched_times(100.0, 99.0, 5.0).max() == pytest.approx(0.5 * first)
+
+
+def test_a_search_waits_soon_after_its_images_end():
+    search = LIMITS.search
+    searched = searched_times(0.2, 0.25, 9.0, last=4.0)
+    assert searched.max() == pytest.approx(4.25 + search.first_duration, abs=0.05)
+
+
+def test_a_search_whose_images_come_again_goes_on_where_it_waited():
+    search = LIMITS.search
+    gap = searched_times(5.0, 0.2, 6.0)
+    waiting = gap[round(4.0 / 0.02)]
+    assert waiting == pytest.approx(0.5 * search.first_duration + search.view_duration / 4.0)
+    assert 0.0 < gap[-1] - waiting <= search.view_duration / 4.0 + 1e-9
+
+
 def test_each_search_begins_anew():
     system = GazeController(
         search=lambda time, side, was_seen: np.array([0.0 if time < 2.0 else 0.5, 0.0])
