@@ -123,6 +123,7 @@ def update_tracker(
             ignored,
             table,
             holes=unexplained,
+            moved=voxels.positions[is_transient],
             baseline=parameters.projector_baseline,
             sides=projector_sides(holes, parameters.holes),
             parameters=parameters.near_field,

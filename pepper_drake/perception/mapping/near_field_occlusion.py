@@ -57,6 +57,8 @@ class NearFieldParameters:
         margin: Distance beyond the near limit up to which a ray is followed [m].
         around_known: Distance to a known object within which it may occlude [m], as only one side
             of it is known.
+        moved_extent: Distance from points of an object that moved up to which the background may
+            have been part of it, and may have left [m].
         on_table: Height above the table up to which points belong to it [m].
         floor: Height up to which points belong to the floor [m].
         grazing: Cosine of the angle of incidence below which floor and table need not be measured.
@@ -73,6 +75,7 @@ class NearFieldParameters:
     usual_nearest: float = 0.25
     margin: float = 0.03
     around_known: float = 0.05
+    moved_extent: float = 0.6
     on_table: float = 0.02
     floor: float = 0.03
     grazing: float = 0.25
@@ -167,6 +170,7 @@ def occluded_points(
     table: float = -np.inf,
     *,
     holes: Mask | None = None,
+    moved: Points | None = None,
     baseline: float = 0.0,
     sides: tuple[int, ...] = BOTH_SIDES,
     parameters: NearFieldParameters = DEFAULT_NEAR_FIELD,
@@ -184,6 +188,8 @@ def occluded_points(
         ignored: The robot and the goal object at that time.
         table: Height of the table on which objects stand, in W [m].
         holes: From `unexplained_holes`; all holes of the image if omitted.
+        moved: (M, 3) points of objects that appeared in free space, in W [m]; none if omitted. What
+            an object has left may be blank, too, where there is no floor behind it.
         baseline: Distance of the camera from its projector [m]; 0 without a projector.
         sides: Sides of the camera on which the projector may be, from `projector_sides`.
         parameters: Parameters of inferred obstacles.
@@ -200,6 +206,8 @@ def occluded_points(
     hidden = (blank_pixels(depth) if holes is None else holes)[rows, columns]
     squares = columns[hidden] // _PITCH + (rows[hidden] // _PITCH) * intrinsics.width
     ahead = ahead[hidden][np.unique(squares, return_index=True)[1]]
+    if moved is not None and len(moved):
+        ahead = ahead[~_may_have_left(ahead, moved, X_WC, parameters)]
     if len(ahead) >= parameters.min_rays:
         shadow = in_measured_shadow(
             ahead, depth, intrinsics, baseline, hole_parameters, sides=sides
@@ -240,6 +248,21 @@ def occluded_points(
     likely = depths[depths >= parameters.usual_nearest]
     rays_C = (ahead / ahead[:, 2:])[:, None] * likely[:, None]
     return np.asarray((rays_C @ R_WC.T + p_WC).reshape(-1, 3))
+
+
+def _may_have_left(
+    ahead: Points, moved: Points, X_WC: RigidTransform, parameters: NearFieldParameters
+) -> Mask:
+    """Tells which background points (N, 3) in C may have been of an object that moved (M, 3) in W.
+
+    Behind them no floor is near enough to be measured now.
+    """
+    p_W = ahead @ X_WC.rotation().matrix().T + X_WC.translation()
+    distance = cKDTree(moved).query(p_W, distance_upper_bound=parameters.moved_extent)[0]
+    height = X_WC.translation()[2]
+    down = height - p_W[:, 2]
+    sees_floor = ahead[:, 2] * height < parameters.farthest * down
+    return np.asarray(np.isfinite(distance) & ~sees_floor)
 
 
 def _shadowed(

@@ -90,6 +90,18 @@ def test_what_comes_too_near_to_be_measured_moves():
     assert tracker.expected[:, 2].max() < CAMERA.near + 0.04
 
 
+def test_a_blank_beside_what_came_is_what_it_left():
+    """A disc comes; then it has moved on, and where it was nothing is measured."""
+    left = image(800, column=220)
+    left[image(800) == 800] = 0
+    came = (image(), 0.0, X_WC), (image(800), 0.2, X_WC)
+    tracker, _ = shown(*came, (left, 0.4, X_WC))
+    assert len(tracker.hidden[0]) == 0
+    # Without anything that came, it is something near.
+    tracker, _ = shown(came[0], (left, 0.2, X_WC))
+    assert len(tracker.hidden[0]) > 0
+
+
 def test_what_came_while_the_camera_looked_elsewhere_is_known_to_have_come():
     tracker, voxels = shown((image(), 0.0, X_WC), (image(), 0.2, AWAY), (image(800), 0.4, X_WC))
     assert len(tracker.things) == 1

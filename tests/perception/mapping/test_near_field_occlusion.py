@@ -67,6 +67,27 @@ def test_a_hole_in_the_backdrop_is_of_something_near():
     assert np.linalg.norm(off, axis=1).max() < 0.04 / 0.3 + 1e-6
 
 
+@pytest.mark.parametrize(("aside", "found"), [(0.1, False), (0.5, False), (0.9, True)])
+def test_what_a_moved_object_has_left_may_be_blank_where_nothing_is_behind(aside, found):
+    """A person's arm that slides on uncovers the sky, which is not measured either."""
+    moved = np.array([[0.05 + aside, 0.02, 1.0]])
+    points = occluded_points(BEHIND, NOTHING, holed(), CAMERA, X_WC, [], moved=moved)
+    assert (len(points) > 0) == found
+
+
+@pytest.mark.parametrize("pitch", [0.3, 0.6, 0.8])
+def test_a_hole_before_the_floor_is_of_something_near_even_beside_what_moved(pitch):
+    """What an object has left shows the floor, if that is near enough."""
+    X_WC = RigidTransform(RollPitchYaw(-np.pi / 2 - pitch, 0, -np.pi / 2), [0.0, 0.0, 1.2])
+    behind = background_points(NOTHING, wall(0.9), CAMERA, X_WC)
+    # Beside all that is behind the hole, the floor included.
+    depths = np.array([0.9, 1.2 / np.sin(pitch)])
+    moved = X_WC.multiply(np.outer([0.0, 0.0, 1.0], depths)).T
+    points = occluded_points(behind, NOTHING, holed((0.0, 0.0, 0.3)), CAMERA, X_WC, [], moved=moved)
+    # 3 m ahead, the floor is seen from 0.41 rad downwards.
+    assert (len(points) > 0) == (pitch > 0.5)
+
+
 def test_without_a_hole_nothing_is_near():
     assert len(occluded_points(BEHIND, NOTHING, wall(), CAMERA, X_WC, [])) == 0
 
