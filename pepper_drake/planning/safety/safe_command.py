@@ -1,8 +1,10 @@
 """Safe joint commands, and the reaction to a stop.
 
 In a stop the joints brake within their acceleration limits; after a contact they back off along
-their motion; when something still presses on them, the command yields to the measured position. All
-commands pass the limiter in `planning.safety.command_limits`.
+their motion; when something still presses on them, the command yields to the measured position. A
+joint whose motor or encoder is off by an angle deviates as much, but moves along with its command,
+which must not follow it: it yields by a small step first. All commands pass the limiter in
+`planning.safety.command_limits`.
 """
 
 from dataclasses import dataclass, field, replace
@@ -41,6 +43,8 @@ class SafeCommand:
         measured: The last measured positions, oldest first, for backing off.
         held: Number of control periods for which each joint has deviated from its command (n,);
             negative during the grace period after the start.
+        tested: The deviation of each joint when it last yielded by a small step (n,) [rad]; NaN if
+            it did not.
     """
 
     position: Vector
@@ -53,6 +57,7 @@ class SafeCommand:
     sent: tuple[Vector, ...] = ()
     measured: tuple[Vector, ...] = ()
     held: npt.NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    tested: Vector = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def at_rest(cls, position: Vector, catching: int = 0) -> "SafeCommand":
@@ -63,7 +68,8 @@ class SafeCommand:
             catching: Grace period for joints that still move, in control periods.
         """
         held = np.full(len(position), -catching, dtype=np.intp)
-        return cls(position, np.zeros(len(position)), held=held)
+        unknown = np.full(len(position), np.nan)
+        return cls(position, np.zeros(len(position)), held=held, tested=unknown)
 
     def stopped(self, reason: StopReason, joint: int = -1) -> "SafeCommand":
         """Returns the state stopped for a reason; an earlier reason is kept."""
@@ -107,7 +113,8 @@ class SafeCommand:
             return replace(self, sent=sent, held=np.zeros_like(self.held))
         error = following_error(sent, measured)
         excess = excess_error(error, self.velocity, params)
-        held = np.where((excess > 1.0) | (self.held < 0), self.held + 1, 0)
+        is_off = (excess > 1.0) | (self.held < 0) | np.isfinite(self.tested)
+        held = np.where(is_off, self.held + 1, 0)
         history = (*self.measured, measured)[-num_measured:]
         state = replace(self, sent=sent, measured=history, held=held)
         if self.reason == StopReason.NONE:
@@ -117,9 +124,33 @@ class SafeCommand:
                 return replace(stopped, target=history[0], held=np.zeros_like(held))
             return state
         if np.any(held >= params.give_way_steps) and not self.velocity.any():
-            # Yield to what still presses on the joint.
-            return replace(state, target=measured, held=np.zeros_like(held))
+            return state.yielding(error, params)
         return state
+
+    def yielding(self, error: Vector, params: ContactParams) -> "SafeCommand":
+        """Returns the state of joints at rest that yield to what presses on them.
+
+        A joint first yields by a small step. If its deviation has become less by that, something
+        presses on it, and it yields to its measured position. If not, the joint moves with its
+        command, and stays.
+
+        Args:
+            error: Following errors (n,) [rad].
+            params: Criteria of a held joint.
+        """
+        due, is_tested = self.held >= params.give_way_steps, np.isfinite(self.tested)
+        less = np.abs(self.tested) - np.abs(error)
+        fresh = due & ~is_tested
+        gave = due & is_tested & (less > 0.5 * np.minimum(np.abs(self.tested), params.angle))
+        if not (fresh | gave).any():
+            return self
+        step = np.clip(error, -params.angle, params.angle)
+        return replace(
+            self,
+            target=self.position + np.where(gave, error, np.where(fresh, step, 0.0)),
+            held=np.where(fresh | gave, 0, self.held),
+            tested=np.where(fresh, error, np.where(gave, np.nan, self.tested)),
+        )
 
 
 @dataclass(frozen=True)
@@ -163,6 +194,7 @@ class SafeCommandLayout:
             unknown if command.desired is None else command.desired,
             unknown if command.target is None else command.target,
             command.held if len(command.held) else np.zeros(self.joints),
+            command.tested if len(command.tested) else unknown,
             *command.sent,
             *[unknown] * (self.sent - len(command.sent)),
             *command.measured,
@@ -174,8 +206,8 @@ class SafeCommandLayout:
         """Returns the command of a vector from `to_vector`."""
         known, reason, joint, given, sent, measured = map(int, vector[:6])
         rows = vector[6:].reshape(-1, self.joints).copy()
-        position, velocity, desired, target, held = rows[:5]
-        first = 5 + self.sent
+        position, velocity, desired, target, held, tested = rows[:6]
+        first = 6 + self.sent
         return SafeCommand(
             position,
             velocity,
@@ -184,9 +216,10 @@ class SafeCommandLayout:
             StopReason(reason),
             joint,
             target if given & 2 else None,
-            tuple(rows[5 : 5 + sent]),
+            tuple(rows[6 : 6 + sent]),
             tuple(rows[first : first + measured]),
             held.astype(np.intp),
+            tested,
         )
 
 

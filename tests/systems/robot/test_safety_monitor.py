@@ -36,12 +36,12 @@ class Rig:
     def command(self, command):
         self.monitor.command_input.FixValue(self.context, command)
 
-    def advance(self, duration=TIME_STEP, blocked=None):
-        """Goes on; joints follow the last command, `blocked` up to a position."""
+    def advance(self, duration=TIME_STEP, blocked=None, off=0.0):
+        """Goes on; joints follow the last command, `blocked` up to a position or `off` [rad]."""
         for _ in range(round(duration / TIME_STEP)):
             passed = self.passed()
             self.passed_commands.append(passed)
-            measured = passed.copy()
+            measured = passed + off
             if blocked is not None:
                 joint, end = blocked
                 measured[joint] = min(measured[joint], end)
@@ -190,6 +190,37 @@ def test_a_stopped_robot_does_not_go_on_pressing():
     assert rig.reason() == StopReason.LINK_TOO_CLOSE
     assert rig.passed()[0] == pytest.approx(end, abs=1e-9)
     assert rig.accelerations().max() <= 10.0 + 1e-9
+
+
+def test_a_stopped_robot_yields_again_when_it_is_pressed_anew():
+    rig = Rig(contact=ContactParams())
+    rig.monitor.clearance_input.FixValue(rig.context, [0.0])
+    for end in (START[0] - 0.03, START[0] - 0.1):
+        rig.advance(2.0, blocked=(0, end))
+        assert rig.passed()[0] == pytest.approx(end, abs=1e-9)
+
+
+@pytest.mark.parametrize("off", [-0.1, 0.03, 0.1])
+@pytest.mark.parametrize("stopped_before", [True, False])
+def test_a_joint_that_is_off_by_an_angle_does_not_lead_its_command_away(off, stopped_before):
+    """A motor or encoder that is off: the command followed the measured position for ever."""
+    params = ContactParams()
+    rig = Rig(contact=params)
+    away = np.array([0.0, off, 0.0, 0.0, 0.0])
+    rig.advance(0.5)
+    if stopped_before:
+        rig.monitor.clearance_input.FixValue(rig.context, [0.0])
+        rig.advance(0.1)
+    before = rig.passed().copy()
+    rig.advance(5.0, off=away)
+    assert rig.reason() == (StopReason.LINK_TOO_CLOSE if stopped_before else StopReason.JOINT_HELD)
+    moved = rig.passed() - before
+    assert np.abs(moved[1]) <= params.angle + 1e-9
+    np.testing.assert_array_equal(moved[[0, 2, 3, 4]], 0.0)
+    # Once it is right again, and pressed, it yields as any other.
+    rig.advance(1.0)
+    rig.advance(2.0, blocked=(1, START[1] - 0.05))
+    assert rig.passed()[1] == pytest.approx(START[1] - 0.05, abs=1e-9)
 
 
 @pytest.mark.parametrize(
