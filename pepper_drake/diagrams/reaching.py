@@ -200,10 +200,8 @@ class Reaching(Diagram):
             elements=body_indices([*JOINT_GROUPS["head"], *arm_joints(self.scene.arm)]),
             neutral=station.GetOutputPort("joint_position"),
         )
-        velocity = self.safety.GetOutputPort("base_velocity_command")
-        base = self._faults.tap(builder, "base_command", {"velocity": (Role.VALUE, velocity)})
         builder.Connect(joints["position"], station.GetInputPort("joint_position_command"))
-        builder.Connect(base["velocity"], station.GetInputPort("base_velocity_command"))
+        connect(builder, self.safety, station, "base_velocity_command")
         if config.compliance is not None:
             started = self.supervisor.GetOutputPort("started")
             push = add_compliance(builder, station, self.scene.arm, config.compliance, started)

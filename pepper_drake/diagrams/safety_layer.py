@@ -19,6 +19,7 @@ from pepper_drake.planning.safety.contact_detection import ContactParams
 from pepper_drake.systems.faults.fault_memory import Role
 from pepper_drake.systems.faults.fault_set import FaultSet
 from pepper_drake.systems.framework import Diagram, build_into, connect, export_input
+from pepper_drake.systems.robot.base_command_limiter import BaseCommandLimiter
 from pepper_drake.systems.robot.base_position_controller import (
     BaseMotion,
     BasePositionController,
@@ -197,7 +198,18 @@ class SafetyLayer(Diagram):
             builder, "commands", {"position": (Role.VALUE, merge.get_output_port())}
         )
         builder.Connect(wanted["position"], monitor.GetInputPort("joint_position_command"))
-        connect(builder, driver, body_watch, "base_velocity_command")
+        base_limiter = add(
+            "base_limiter", BaseCommandLimiter(params.base, time_step=control_period)
+        )
+        velocity = faults.tap(
+            builder,
+            "base_command",
+            {"velocity": (Role.VALUE, driver.GetOutputPort("base_velocity_command"))},
+        )
+        builder.Connect(velocity["velocity"], base_limiter.command_input)
+        connect(
+            builder, base_limiter, body_watch, safe_base_velocity_command="base_velocity_command"
+        )
         # Held, as the base's pose changes with every step of the plant, commands only at ticks.
         held = add("base_held", ZeroOrderHold(control_period, 1))
         builder.Connect(driver.GetOutputPort("held"), held.get_input_port())
@@ -208,7 +220,7 @@ class SafetyLayer(Diagram):
         stops = add("base_stop", Adder(2, 1))
         for k, (watch, reason) in enumerate(((monitor, "stop_reason"), (body_watch, "stop_base"))):
             builder.Connect(watch.GetOutputPort(reason), stops.get_input_port(k))
-        for mover in (driver, lean):
+        for mover in (driver, base_limiter, lean):
             builder.Connect(stops.get_output_port(), mover.GetInputPort("stop"))
         inputs: dict[str, tuple[tuple[System, str], ...]] = {
             "cloud": ((body_watch, "cloud"),),
@@ -220,9 +232,9 @@ class SafetyLayer(Diagram):
             "arm_velocity": ((arm_watch, "joint_velocity"),),
             "arm_active": ((arm_watch, "active"),),
             "limp": ((monitor, "limp"),),
-            "base_goal": ((driver, "base_goal"),),
+            "base_goal": ((driver, "base_goal"), (base_limiter, "base_goal")),
             "hip_pitch_goal": ((lean, "hip_pitch_goal"),),
-            "started": ((body_watch, "active"),),
+            "started": ((body_watch, "active"), (base_limiter, "started")),
             "joint_position": ((monitor, "joint_position"), (body_watch, "joint_position")),
             "arm_position": ((arm_watch, "joint_position"),),
             "base_pose": ((driver, "base_pose"), (body_watch, "base_pose")),
@@ -232,7 +244,7 @@ class SafetyLayer(Diagram):
             export_input(builder, name, *(system.GetInputPort(port) for system, port in targets))
         for name, output in (
             ("joint_position_command", (monitor, "safe_joint_position_command")),
-            ("base_velocity_command", (driver, "base_velocity_command")),
+            ("base_velocity_command", (base_limiter, "safe_base_velocity_command")),
             ("arrived", (lean, "arrived")),
             ("clearance", (arm_watch, "clearance")),
             ("body_clearance", (body_watch, "clearance")),

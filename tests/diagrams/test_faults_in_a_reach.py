@@ -24,11 +24,11 @@ from pepper_drake.systems.faults.fault_set import FaultSet
 pytestmark = pytest.mark.render
 
 
-def reach(scene="table", fault=None, wear=None, coupled=True, calibration=None):
+def reach(scene="table", fault=None, wear=None, coupled=True, calibration=None, seed=0):
     """The result of a reach, with a fault or a worn robot."""
-    faults = FaultSet(() if fault is None else (parse_fault(fault),), seed=0)
+    faults = FaultSet(() if fault is None else (parse_fault(fault),), seed=seed)
     config = ReachingConfig(
-        station=StationConfig(seed=0, faults=faults, wear=wear, calibration=calibration)
+        station=StationConfig(seed=seed, faults=faults, wear=wear, calibration=calibration)
     )
     scene = load_scene(scene)
     coupling = make_coupling(scene.coupling) if coupled else None
@@ -71,6 +71,22 @@ def test_a_fault_ends_in_a_named_stop_without_a_touch(fault, reason):
     assert report.contacts == 0
     assert report.stopping_seconds < 0.6
     assert report.faults == [fault]
+
+
+@pytest.mark.parametrize(
+    ("fault", "scene", "seed", "reason"),
+    [
+        ("actuators:wrong@reach", "clutter", 2, "joint_held"),
+        ("base_command:garbage@reach", "clutter", 2, ""),
+        ("base_command:noisy@0", "shelf", 1, "base_unsteady"),
+    ],
+)
+def test_what_drove_arm_or_base_against_things_does_not(fault, scene, seed, reason):
+    """The arm's command followed an offset; the base did whatever it was told."""
+    report = reach(scene, fault, seed=seed).report
+    assert report.reason == reason
+    assert report.contacts == 0
+    assert "pushed" not in report.message
 
 
 def test_an_arm_that_runs_into_the_table_notices_it_and_backs_off():

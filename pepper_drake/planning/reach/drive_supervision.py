@@ -132,9 +132,14 @@ class DriveSupervision:
         elif state.braking:
             state = replace(state, braking=False)
         if time - state.since > self._timing.driving_timeout:
+            off = (self._observation.base_pose - state.base_pose_wanted)[:2]
+            distance = float(np.linalg.norm(off))
             message = "the robot did not get to where its arm can reach the goal"
             if self._observation.base_blocked:
                 message += ": something stands in its way"
+            elif distance < self._timing.base_near:
+                cause = f"the base does not come to rest at its place, {1000 * distance:.0f} mm off"
+                return self._fail(state, "base_unsteady", cause)
             return self._fail(state, "drive_failed", message)
         # In the step in which a goal is sent, the base still reports on the old one.
         has_started = time - state.since > self._timing.time_step + ROUNDING

@@ -147,6 +147,17 @@ def test_a_base_that_does_not_arrive():
     assert not Supervised().set(base_arrived=False).failed("drive_failed").was_active
 
 
+@pytest.mark.parametrize(
+    ("off", "blocked", "reason"),
+    [(0.04, False, "base_unsteady"), (0.06, False, "drive_failed"), (0.04, True, "drive_failed")],
+)
+def test_a_base_that_does_not_come_to_rest_at_its_place_is_unsteady(off, blocked, reason):
+    near = STAND + [0.0, off, 0.5]
+    one = Supervised().set(base_arrived=False, base_blocked=blocked, base_pose=near).failed(reason)
+    if reason == "base_unsteady":
+        assert one.state.message.endswith("at its place, 40 mm off")
+
+
 def test_a_base_that_something_stands_in_the_way_of_says_so():
     one = Supervised().set(base_arrived=False, base_blocked=True).failed("drive_failed")
     assert "something stands in its way" in one.state.message
