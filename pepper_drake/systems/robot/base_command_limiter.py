@@ -11,24 +11,19 @@ from pydrake.systems.framework import (
     DiscreteValues,
     EventStatus,
     InputPort,
-    ValueProducer,
 )
 
-from pepper_drake.systems.framework import LeafSystem
+from pepper_drake.systems.framework import LeafSystem, ValueProducer
 from pepper_drake.systems.robot.base_position_controller import BaseMotion
 
 Vector = npt.NDArray[np.float64]
-
-_STANDING_SHARE = 0.5
-"""Share of the feedback's largest velocity while the arm moves: together with the turn, and the
-hand 0.6 m away, 50 mm/s."""
 
 
 def largest_base_velocity(motion: BaseMotion, *, stands: bool) -> Vector:
     """Returns the largest speed [m/s] and yaw rate [rad/s] that a command may ask for (2,).
 
     A base that drives has the reference's velocity and that of the feedback; one that stands, while
-    the arm moves, half of the feedback's.
+    the arm moves, a share of the feedback's.
 
     Args:
         motion: Limits and gain of the base's controller.
@@ -36,7 +31,7 @@ def largest_base_velocity(motion: BaseMotion, *, stands: bool) -> Vector:
     """
     feedback = motion.correction * np.array([motion.held_distance, motion.held_angle])
     if stands:
-        return np.asarray(_STANDING_SHARE * feedback)
+        return np.asarray(motion.standing_share * feedback)
     return np.array([motion.speed, motion.turning_speed]) + feedback
 
 

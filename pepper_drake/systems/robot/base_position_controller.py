@@ -40,6 +40,9 @@ class BaseMotion:
     """Tracking error at which the base counts as held by an obstacle [m]."""
     held_angle: float = 0.08
     """The same for its yaw [rad]."""
+    standing_share: float = 0.5
+    """Share of the feedback's largest velocity that the base may have once the arm has started:
+    the hand, 0.6 m from it, then moves at 50 mm/s."""
     has_reference: bool = True
     """True if the base follows a reference with limited acceleration. A robot that limits its
     acceleration itself gets the speed from which it would brake at the goal."""

@@ -77,7 +77,7 @@ def test_what_a_moved_object_has_left_may_be_blank_where_nothing_is_behind(aside
 
 @pytest.mark.parametrize("pitch", [0.3, 0.6, 0.8])
 def test_a_hole_before_the_floor_is_of_something_near_even_beside_what_moved(pitch):
-    """What an object has left shows the floor, if that is near enough."""
+    """There the floor is seen, if it is near enough."""
     X_WC = RigidTransform(RollPitchYaw(-np.pi / 2 - pitch, 0, -np.pi / 2), [0.0, 0.0, 1.2])
     behind = background_points(NOTHING, wall(0.9), CAMERA, X_WC)
     # Beside all that is behind the hole, the floor included.
