@@ -90,6 +90,8 @@ SAID = {
         f"has not been seen for {UNSEEN.recent:g} s (`planner.unseen.recent`)",
         f"slows down, to as little as {TOUCH}",
         f"A person's arm that stays within {NEAR} of the camera",
+        f"only what is within {NearFieldParameters.moved_extent:g} m of an object that moved",
+        f"no floor behind it within {NearFieldParameters.farthest:g} m",
         f"within {UNSEEN.beside_movable:g} m (`planner.unseen.beside_movable`)",
         f"is passed at {TOUCH} even where",
         f"hangs less than {100 * NEW.hanging_above:g} cm above the table",

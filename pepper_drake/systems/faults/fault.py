@@ -62,7 +62,7 @@ SIGNALS: dict[str, Signal] = {
     "encoders": Signal("the measured joint angles", 0.02, 0.1, 0.1, 0.05, 0.01),
     "commands": Signal("the joint commands before they are limited", 0.02, 0.1, 0.2, 0.2, 0.05),
     "base_pose": Signal("the base's odometry", 0.02, 0.2, 0.3, 0.05, 0.01),
-    "base_command": Signal("the velocity commands to the base", 0.02, 0.2, 0.3, 0.1, 0.1),
+    "base_command": Signal("the base's commands before they are limited", 0.02, 0.2, 0.3, 0.1, 0.1),
     "actuators": Signal(
         "what arrives of the commands at the motors",
         0.02,
