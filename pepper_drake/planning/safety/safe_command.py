@@ -130,18 +130,18 @@ class SafeCommand:
     def yielding(self, error: Vector, params: ContactParams) -> "SafeCommand":
         """Returns the state of joints at rest that yield to what presses on them.
 
-        A joint first yields by a small step. If its deviation has become less by that, something
-        presses on it, and it yields to its measured position. If not, the joint moves with its
-        command, and stays.
+        A joint first yields by a small step. If its deviation has changed by then, or does later,
+        something presses on it, and it yields to its measured position. If not, the joint moves
+        with its command, and stays.
 
         Args:
             error: Following errors (n,) [rad].
             params: Criteria of a held joint.
         """
         due, is_tested = self.held >= params.give_way_steps, np.isfinite(self.tested)
-        less = np.abs(self.tested) - np.abs(error)
+        change = np.abs(self.tested - error)
         fresh = due & ~is_tested
-        gave = due & is_tested & (less > 0.5 * np.minimum(np.abs(self.tested), params.angle))
+        gave = due & is_tested & (change > 0.5 * np.minimum(np.abs(self.tested), params.angle))
         if not (fresh | gave).any():
             return self
         step = np.clip(error, -params.angle, params.angle)

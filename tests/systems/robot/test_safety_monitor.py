@@ -200,6 +200,16 @@ def test_a_stopped_robot_yields_again_when_it_is_pressed_anew():
         assert rig.passed()[0] == pytest.approx(end, abs=1e-9)
 
 
+def test_a_stopped_robot_yields_to_who_pushes_harder():
+    rig = Rig(contact=ContactParams())
+    rig.monitor.clearance_input.FixValue(rig.context, [0.0])
+    push = np.array([-0.04, 0.0, 0.0, 0.0, 0.0])
+    rig.advance(1.0, off=push)
+    assert START[0] - rig.passed()[0] <= ContactParams().angle + 1e-9, "as to an angle that is off"
+    rig.advance(1.0, off=1.5 * push)
+    assert START[0] - rig.passed()[0] >= 0.06
+
+
 @pytest.mark.parametrize("off", [-0.1, 0.03, 0.1])
 @pytest.mark.parametrize("stopped_before", [True, False])
 def test_a_joint_that_is_off_by_an_angle_does_not_lead_its_command_away(off, stopped_before):
