@@ -56,7 +56,11 @@ ALLOWED = {
         "physics": "_SHADOW_STEP _NEAREST _STRIDE _BEND _PATCH_CELLS _PATCH_CELL _PATCH_BLUR"
     },
     "perception/cloud_evaluation.py": {"offline": "COVERED_WITHIN INCONSISTENT_BEYOND _FARTHEST"},
-    "perception/gaze/gaze_policy.py": {"layout": "_UP", "sentinel": "_AT_REST"},
+    "perception/gaze/gaze_policy.py": {
+        "layout": "_UP",
+        "sentinel": "_AT_REST",
+        "numeric": "_SAME_IMAGE",
+    },
     "perception/gaze/head_aiming.py": {
         "geometry": "P_T_NECK HEAD_YAW_LIMIT",
         "numeric": "_HALVINGS",

@@ -137,6 +137,7 @@ class HeadPerception(Diagram):
         - goal_age
         - goal_gap
         - image_ages
+        - search_delay
         - cloud
         - cloud_torso
         - predicted_cloud
@@ -198,6 +199,7 @@ class HeadPerception(Diagram):
         builder.ExportOutput(
             self._gaze.GetOutputPort("head_position_command"), "head_position_command"
         )
+        builder.ExportOutput(self._gaze.GetOutputPort("search_delay"), "search_delay")
         for camera in ("top", "bottom"):
             builder.ExportOutput(
                 self._gaze.GetOutputPort(f"{camera}_enabled"), f"camera_{camera}.enabled"

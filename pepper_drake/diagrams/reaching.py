@@ -161,7 +161,8 @@ class Reaching(Diagram):
         controller, safety, arm = self.controller, self.safety, self.scene.arm
         hand = {f"{arm}_hand_pose": "hand_pose"}
         ports = ("object_pose", "goal_valid", "goal_age", "image_ages", "cloud", "predicted_cloud")
-        wire(perception, supervisor, *ports, "cloud_time", "cloud_fault", "head_position_command")
+        wire(perception, supervisor, *ports, "cloud_time", "cloud_fault")
+        wire(perception, supervisor, "head_position_command", "search_delay")
         if perception.HasOutputPort("space"):
             wire(perception, supervisor, "space")
         wire(station, supervisor, "joint_position", "base_pose", **hand)

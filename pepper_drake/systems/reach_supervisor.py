@@ -62,6 +62,7 @@ class ReachSupervisor(LeafSystem):
         - goal_age
         - goal_position
         - image_ages (optional)
+        - search_delay (optional)
         - cloud
         - cloud_time
         - cloud_fault (optional)
@@ -95,6 +96,7 @@ class ReachSupervisor(LeafSystem):
 
     Inputs: `object_pose` X_WO; `goal_valid` (1), `goal_age` (1) [s]; `goal_position` (3), the
     hand's goal in T [m]; `image_ages` (2) of the top and the bottom camera's newest images [s];
+    `search_delay` (1), for which the search for the goal has waited for images [s];
     `cloud` (PointCloud in W) and `cloud_time` (1), capture time of its last image [s], not finite
     before the first; `cloud_fault` (1), a `DepthFault`; `predicted_cloud` (PointCloud in W),
     predicted positions of moving obstacles; `space`, abstract SeenSpace, the observed free and
@@ -153,6 +155,7 @@ class ReachSupervisor(LeafSystem):
             ("cloud_time", 1),
             ("cloud_fault", 1),
             ("image_ages", 2),
+            ("search_delay", 1),
             ("joint_position", len(BODY_JOINTS)),
             ("base_pose", 3),
             ("desired_position", 3),
@@ -274,6 +277,7 @@ class ReachSupervisor(LeafSystem):
             image_ages=vector("image_ages")
             if ports["image_ages"].HasValue(context)
             else np.zeros(2),
+            search_delay=scalar("search_delay") if ports["search_delay"].HasValue(context) else 0.0,
             hand_position=np.array(value("hand_pose").translation()),
             measured_arm=measured,
             head_command=optional("head_position_command"),

@@ -119,6 +119,7 @@ class GazeParams:
             "swing_period": self.swing_period,
             "search.sweep": self.search.sweep,
             "search.view_duration": self.search.view_duration,
+            "search.view_images": self.search.view_images,
             "view.hand_distance": self.view.hand_distance,
         }
         for name, value in positive.items():

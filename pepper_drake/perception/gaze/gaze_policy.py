@@ -49,6 +49,7 @@ class GazeState:
         search_start: Time at which a search for the object began, later by what it waited for
             images [s]; NaN without one.
         search_until: Time since then up to which enough images have come [s].
+        search_delay: Time for which it has waited [s].
         image_time: Capture time of the newest image during the search [s].
         turned_back: Time at which it turned back to the object, or the scan began [s]; infinite
             during a glance.
@@ -66,6 +67,7 @@ class GazeState:
     target: Vector
     search_start: float
     search_until: float
+    search_delay: float
     image_time: float
     turned_back: float
     age: float
@@ -86,6 +88,7 @@ class GazeState:
             nothing,
             math.nan,
             0.0,
+            0.0,
             -math.inf,
             math.inf,
             math.inf,
@@ -93,7 +96,7 @@ class GazeState:
         )
 
     def to_vector(self) -> Vector:
-        """Returns the state as numbers (16 + N,)."""
+        """Returns the state as numbers (17 + N,)."""
         flags = (self.camera, self.in_view, self.reachable, self.arrived, self.glancing)
         return np.concatenate(
             (
@@ -101,7 +104,7 @@ class GazeState:
                 self.velocity,
                 flags,
                 self.target,
-                [self.search_start, self.search_until, self.image_time],
+                [self.search_start, self.search_until, self.search_delay, self.image_time],
                 [self.turned_back, self.age],
                 self.seen,
             )
@@ -111,7 +114,7 @@ class GazeState:
     def from_vector(cls, vector: Vector) -> "GazeState":
         """Returns the state from its numbers."""
         camera, in_view, reachable, arrived, glancing = vector[4:9].tolist()
-        search_start, search_until, image_time, turned_back, age = vector[11:16].tolist()
+        start, until, delay, image_time, turned_back, age = vector[11:17].tolist()
         return cls(
             vector[:2].copy(),
             vector[2:4].copy(),
@@ -121,12 +124,13 @@ class GazeState:
             arrived,
             glancing > 0.0,
             vector[9:11].copy(),
-            search_start,
-            search_until,
+            start,
+            until,
+            delay,
             image_time,
             turned_back,
             age,
-            vector[16:].copy(),
+            vector[17:].copy(),
         )
 
 
@@ -136,6 +140,8 @@ _NEVER_SEEN = np.zeros(len(VIEW_POINTS))
 
 
 _AT_REST = np.zeros(3)
+_SAME_IMAGE = 1e-6
+"""Largest difference of one image's capture times, computed from its age [s]."""
 
 
 class GazeObservation(NamedTuple):
@@ -273,18 +279,20 @@ class GazePolicy:
     def _searching(self, state: GazeState, now: GazeObservation) -> GazeState:
         """Returns the state of the search, which waits for images where they come seldom."""
         params, taken = self._params.search, now.time - now.image_age
-        start, until = state.search_start, state.search_until
+        start, until, delay = state.search_start, state.search_until, state.search_delay
         if math.isnan(start):
-            start, until = now.time, 0.5 * params.first_duration
-        elif taken > state.image_time:
+            start, until, delay = now.time, 0.5 * params.first_duration, 0.0
+        elif taken > state.image_time + _SAME_IMAGE:
             most = now.time - start + params.first_duration
             until = min(until + params.view_duration / params.view_images, most)
+        wait = max(now.time - until - start, 0.0)
         return replace(
             state,
             camera=-1,
             target=np.full(2, np.nan),
-            search_start=max(start, now.time - until),
+            search_start=start + wait,
             search_until=until,
+            search_delay=delay + wait,
             image_time=taken,
         )
 

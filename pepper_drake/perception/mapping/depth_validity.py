@@ -265,14 +265,19 @@ def _is_blank(
 
 
 def _is_noise(depth: Array, parameters: ValidityParameters) -> bool:
-    """Tells whether too many neighbouring pixels lie on two surfaces."""
-    rows = depth[::_NOISE_STRIDE].ravel()
-    pixels = np.flatnonzero(rows)
-    z, near = rows[pixels], np.diff(pixels) <= _NEIGHBOURS
-    if np.count_nonzero(near) < parameters.min_points:
-        return False
-    step = np.abs(np.diff(z)) / np.minimum(z[:-1], z[1:])
-    return bool(np.mean(step[near] > parameters.surface_step) > parameters.noise)
+    """Tells whether too many neighbouring pixels lie on two surfaces, in rows and in columns.
+
+    Bars are smooth along themselves.
+    """
+    for lines in (depth[::_NOISE_STRIDE], depth[:, ::_NOISE_STRIDE].T):
+        pixels = np.flatnonzero(lines)
+        z, near = lines.ravel()[pixels], np.diff(pixels) <= _NEIGHBOURS
+        if np.count_nonzero(near) < parameters.min_points:
+            return False
+        step = np.abs(np.diff(z)) / np.minimum(z[:-1], z[1:])
+        if not np.mean(step[near] > parameters.surface_step) > parameters.noise:
+            return False
+    return True
 
 
 def lies_below_floor(

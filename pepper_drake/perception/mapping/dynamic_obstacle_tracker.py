@@ -123,7 +123,7 @@ def update_tracker(
             ignored,
             table,
             holes=unexplained,
-            moved=voxels.positions[is_transient],
+            moved=_in_view(voxels.positions[is_transient & is_seen], approach),
             baseline=parameters.projector_baseline,
             sides=projector_sides(holes, parameters.holes),
             parameters=parameters.near_field,
@@ -228,6 +228,14 @@ def reset_while_driving(
         hole_parameters=parameters.holes,
     )
     return DynamicObstacleTracker(behind=behind, holes=holes)
+
+
+def _in_view(appeared: Points, parameters: ApproachParameters) -> Points:
+    """Returns the points of what appeared and is seen now, none if so few that they are noise.
+
+    What was seen last where now a hole is may itself be in the hole.
+    """
+    return appeared if len(appeared) >= parameters.min_points else appeared[:0]
 
 
 def _without_departed(

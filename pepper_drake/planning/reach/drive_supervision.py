@@ -38,7 +38,7 @@ class DriveSupervision:
         if not self._observation.goal_valid:
             longest = timing.goal_timeout
             if self._observation.image_ages.min() < timing.images_lost:
-                longest *= state.steadiness.patience(timing.steadiness)
+                longest += self._observation.search_delay
             if time - state.since > longest:
                 message = f"no marker of the goal object was seen in {longest:.0f} s"
                 return self._goal_unseen(state, "goal_not_seen", message)
@@ -132,13 +132,11 @@ class DriveSupervision:
         elif state.braking:
             state = replace(state, braking=False)
         if time - state.since > self._timing.driving_timeout:
-            off = (self._observation.base_pose - state.base_pose_wanted)[:2]
-            distance = float(np.linalg.norm(off))
             message = "the robot did not get to where its arm can reach the goal"
             if self._observation.base_blocked:
                 message += ": something stands in its way"
-            elif distance < self._timing.base_near:
-                cause = f"the base does not come to rest at its place, {1000 * distance:.0f} mm off"
+            elif self._is_jittering(state):
+                cause = "the base is at its place, and does not come to rest there"
                 return self._fail(state, "base_unsteady", cause)
             return self._fail(state, "drive_failed", message)
         # In the step in which a goal is sent, the base still reports on the old one.
@@ -146,6 +144,16 @@ class DriveSupervision:
         if self._observation.base_arrived and has_started and not state.braking:
             return replace(state.to(ReachMode.SETTLING, time), arrived=time)
         return state
+
+    def _is_jittering(self, state: ReachState) -> bool:
+        """Tells whether the base still moves at its place."""
+        before = state.steadiness.last
+        if before is None:
+            return False
+        pose = self._observation.base_pose
+        moved = float(np.linalg.norm((pose - before.base_pose)[:2]))
+        off = float(np.linalg.norm((pose - state.base_pose_wanted)[:2]))
+        return off < self._timing.base_near and moved > self._timing.steadiness.base
 
     def _without_predictions(self) -> Observation:
         """Drops the predictions: before it starts, the arm simply waits for moving obstacles."""

@@ -51,6 +51,7 @@ class Observation:
         goal_age: Time since the goal object's marker was last seen [s].
         image_ages: (2,) age of the newest usable image of the top and the bottom camera [s]; while
             the goal is seen, only one of them takes images.
+        search_delay: Time for which the search for the goal has waited for images [s].
         goal_position: (3,) the hand's goal in T [m].
         hand_position: (3,) measured, in T [m].
         measured_arm: (5,) measured joints of the arm [rad]; None to skip their comparison.
@@ -81,6 +82,7 @@ class Observation:
     goal_valid: bool = True
     goal_age: float = 0.0
     image_ages: Vector = field(default_factory=lambda: np.zeros(2))
+    search_delay: float = 0.0
     goal_position: Vector = field(default_factory=lambda: np.zeros(3))
     hand_position: Vector = field(default_factory=lambda: np.zeros(3))
     measured_arm: Vector | None = None

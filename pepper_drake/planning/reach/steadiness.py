@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from pepper_drake.models.pepper import JOINT_GROUPS
+from pepper_drake.perception.mapping.depth_validity import FAULT_SENTENCES, DepthFault
 from pepper_drake.planning.reach.observation import Observation
 from pepper_drake.planning.safety.command_check import StopReason, stop_sentence
 
@@ -167,15 +168,14 @@ class Steadiness:
         age = float(self.ages[0 if depth else 1])
         if age <= params.late:
             return None
+        fault = DepthFault.NONE if self.last is None else self.last.cloud_fault
+        if depth and fault not in (DepthFault.NONE, DepthFault.MISSING, DepthFault.LATE):
+            return "cloud_missing", FAULT_SENTENCES[fault]
         reason, words = ("cloud", "depth camera's") if depth else ("images", "colour cameras'")
         return f"{reason}_missing", (
             f"the {words} images come so late or so seldom that the newest is {age:.1f} s old on "
             "average"
         )
-
-    def patience(self, params: SteadinessParams) -> float:
-        """Returns by what factor a search takes longer as it waits for images."""
-        return max(float(self.ages[1]) / params.late, 1.0)
 
 
 def _mean(mean: float, jump: float, weight: float) -> float:

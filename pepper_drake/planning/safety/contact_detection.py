@@ -27,7 +27,10 @@ class ContactParams:
     steps: int = 2
     """Number of successive control periods with a larger deviation that count as contact."""
     give_way_steps: int = 10
-    """Control periods after which the command of a stopped robot yields to a deviating joint."""
+    """Control periods after which the command of a stopped robot yields to a deviating joint, and
+    those before and in which its answer to the step that tests it is measured."""
+    give_way_angle: float = 0.018
+    """Step that tests whether something presses on a joint [rad]; more than twice the slack."""
     latency: float = 0.0
     """Largest delay of commands, in addition to the control period [s]."""
     back_off: float = 0.3
@@ -43,6 +46,7 @@ class ContactParams:
             self,
             latency=self.latency + wear.command_latency,
             angle=self.angle + 0.5 * float(wear.backlash.max()),
+            give_way_angle=self.give_way_angle + 2.0 * float(wear.backlash.max()),
         )
 
 

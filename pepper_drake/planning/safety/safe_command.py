@@ -3,7 +3,7 @@
 In a stop the joints brake within their acceleration limits; after a contact they back off along
 their motion; when something still presses on them, the command yields to the measured position. A
 joint whose motor or encoder is off by an angle deviates as much, but moves along with its command,
-which must not follow it: it yields by a small step first. All commands pass the limiter in
+which must not follow it: a small step tells. All commands pass the limiter in
 `planning.safety.command_limits`.
 """
 
@@ -43,8 +43,9 @@ class SafeCommand:
         measured: The last measured positions, oldest first, for backing off.
         held: Number of control periods for which each joint has deviated from its command (n,);
             negative during the grace period after the start.
-        tested: The deviation of each joint when it last yielded by a small step (n,) [rad]; NaN if
-            it did not.
+        deviation: Mean deviation of each joint in the present test period (n,) [rad].
+        tested: The mean deviation before the step that tests whether something presses on a joint
+            (n,) [rad]; NaN without a test, infinite once one has failed.
     """
 
     position: Vector
@@ -57,6 +58,7 @@ class SafeCommand:
     sent: tuple[Vector, ...] = ()
     measured: tuple[Vector, ...] = ()
     held: npt.NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    deviation: Vector = field(default_factory=lambda: np.zeros(0))
     tested: Vector = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
@@ -68,8 +70,8 @@ class SafeCommand:
             catching: Grace period for joints that still move, in control periods.
         """
         held = np.full(len(position), -catching, dtype=np.intp)
-        unknown = np.full(len(position), np.nan)
-        return cls(position, np.zeros(len(position)), held=held, tested=unknown)
+        zero, unknown = np.zeros(len(position)), np.full(len(position), np.nan)
+        return cls(position, zero, held=held, deviation=zero, tested=unknown)
 
     def stopped(self, reason: StopReason, joint: int = -1) -> "SafeCommand":
         """Returns the state stopped for a reason; an earlier reason is kept."""
@@ -115,41 +117,53 @@ class SafeCommand:
         excess = excess_error(error, self.velocity, params)
         is_off = (excess > 1.0) | (self.held < 0) | np.isfinite(self.tested)
         held = np.where(is_off, self.held + 1, 0)
+        # The mean begins anew with each period of `give_way_steps`.
+        count = np.maximum((held - 1) % params.give_way_steps + 1, 1)
+        deviation = np.where(count == 1, error, self.deviation + (error - self.deviation) / count)
+        tested = np.where(is_off, self.tested, np.nan)
         history = (*self.measured, measured)[-num_measured:]
-        state = replace(self, sent=sent, measured=history, held=held)
+        state = replace(
+            self, sent=sent, measured=history, held=held, deviation=deviation, tested=tested
+        )
         if self.reason == StopReason.NONE:
             if np.any(held >= params.steps):
                 joint = int(np.argmax(np.where(held >= params.steps, excess, 0.0)))
                 stopped = state.stopped(StopReason.JOINT_HELD, joint)
                 return replace(stopped, target=history[0], held=np.zeros_like(held))
             return state
-        if np.any(held >= params.give_way_steps) and not self.velocity.any():
-            return state.yielding(error, params)
-        return state
+        return state if self.velocity.any() else state.yielding(params)
 
-    def yielding(self, error: Vector, params: ContactParams) -> "SafeCommand":
+    def yielding(self, params: ContactParams) -> "SafeCommand":
         """Returns the state of joints at rest that yield to what presses on them.
 
-        A joint first yields by a small step. If its deviation has changed by then, or does later,
-        something presses on it, and it yields to its measured position. If not, the joint moves
-        with its command, and stays.
+        A joint that deviates for `give_way_steps` periods first yields by a small step. If its mean
+        deviation has become less by half of that, something presses on it, and it yields to its
+        measured position. If not, it moves with its command, which goes back and stays, until the
+        deviation has gone: nothing adds up, whatever the joint is off by. Something softer than the
+        joint, or a person who pushes with a constant force, is not told from such a joint.
 
         Args:
-            error: Following errors (n,) [rad].
             params: Criteria of a held joint.
         """
-        due, is_tested = self.held >= params.give_way_steps, np.isfinite(self.tested)
-        change = np.abs(self.tested - error)
-        fresh = due & ~is_tested
-        gave = due & is_tested & (change > 0.5 * np.minimum(np.abs(self.tested), params.angle))
-        if not (fresh | gave).any():
+        period, is_tested = params.give_way_steps, np.isfinite(self.tested)
+        due = (self.held >= period) & (self.held % period == 0)
+        fresh = due & np.isnan(self.tested)
+        answered = due & is_tested & (self.held >= 2 * period)
+        if not (fresh | answered).any():
             return self
-        step = np.clip(error, -params.angle, params.angle)
+        largest = params.give_way_angle
+        step = np.clip(np.where(fresh, self.deviation, self.tested), -largest, largest)
+        less = np.sign(step) * (self.tested - self.deviation)
+        gave = answered & (less > 0.5 * np.abs(step))
+        failed = answered & ~gave
+        change = np.where(gave, self.deviation, np.where(failed, -step, np.where(fresh, step, 0.0)))
         return replace(
             self,
-            target=self.position + np.where(gave, error, np.where(fresh, step, 0.0)),
-            held=np.where(fresh | gave, 0, self.held),
-            tested=np.where(fresh, error, np.where(gave, np.nan, self.tested)),
+            target=self.position + change,
+            held=np.where(fresh | answered, 0, self.held),
+            tested=np.where(
+                fresh, self.deviation, np.where(gave, np.nan, np.where(failed, np.inf, self.tested))
+            ),
         )
 
 
@@ -194,6 +208,7 @@ class SafeCommandLayout:
             unknown if command.desired is None else command.desired,
             unknown if command.target is None else command.target,
             command.held if len(command.held) else np.zeros(self.joints),
+            command.deviation if len(command.deviation) else np.zeros(self.joints),
             command.tested if len(command.tested) else unknown,
             *command.sent,
             *[unknown] * (self.sent - len(command.sent)),
@@ -206,8 +221,8 @@ class SafeCommandLayout:
         """Returns the command of a vector from `to_vector`."""
         known, reason, joint, given, sent, measured = map(int, vector[:6])
         rows = vector[6:].reshape(-1, self.joints).copy()
-        position, velocity, desired, target, held, tested = rows[:6]
-        first = 6 + self.sent
+        position, velocity, desired, target, held, deviation, tested = rows[:7]
+        first = 7 + self.sent
         return SafeCommand(
             position,
             velocity,
@@ -216,9 +231,10 @@ class SafeCommandLayout:
             StopReason(reason),
             joint,
             target if given & 2 else None,
-            tuple(rows[6 : 6 + sent]),
+            tuple(rows[7 : 7 + sent]),
             tuple(rows[first : first + measured]),
             held.astype(np.intp),
+            deviation,
             tested,
         )
 

@@ -19,20 +19,29 @@ from pepper_drake.systems.robot.base_position_controller import BaseMotion
 Vector = npt.NDArray[np.float64]
 
 
-def largest_base_velocity(motion: BaseMotion, *, stands: bool) -> Vector:
+def largest_base_velocity(
+    motion: BaseMotion, before: Vector, time_step: float, *, stands: bool, brakes: bool
+) -> Vector:
     """Returns the largest speed [m/s] and yaw rate [rad/s] that a command may ask for (2,).
 
     A base that drives has the reference's velocity and that of the feedback; one that stands, while
-    the arm moves, a share of the feedback's.
+    the arm moves, a share of the feedback's. Both rise at most twice as fast as the reference, as
+    the feedback rises, too; a base that brakes becomes as slow as the reference does.
 
     Args:
         motion: Limits and gain of the base's controller.
+        before: Speed and yaw rate of the last command (2,).
+        time_step: Period of the commands [s].
         stands: Whether the base has to stand.
+        brakes: Whether it has to brake.
     """
     feedback = motion.correction * np.array([motion.held_distance, motion.held_angle])
+    change = time_step * np.array([motion.acceleration, motion.turning_acceleration])
     if stands:
-        return np.asarray(motion.standing_share * feedback)
-    return np.array([motion.speed, motion.turning_speed]) + feedback
+        largest = motion.standing_share * feedback
+    else:
+        largest = np.array([motion.speed, motion.turning_speed]) + feedback
+    return np.minimum(largest, np.maximum(before - change, 0.0) if brakes else before + 2 * change)
 
 
 def limit_base_command(command: Vector, largest: Vector) -> Vector:
@@ -72,8 +81,7 @@ class BaseCommandLimiter(LeafSystem):
     "brake and stay"; `started` (1), not zero once the arm has started, and the base has to stand;
     `stop` (1), not zero: brake and stay.
     Output: `safe_base_velocity_command` (3), like the input.
-    State: speed [m/s] and yaw rate [rad/s] of the last command (2), at `time_step`; on a stop they
-    fall with the base's acceleration while it brakes.
+    State: speed [m/s] and yaw rate [rad/s] of the last command (2), at `time_step`.
 
     Args:
         motion: Limits and gain of the base's controller.
@@ -108,13 +116,14 @@ class BaseCommandLimiter(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(time_step, 0.0, self._update)
 
     def _calc_next(self, context: Context, value: Value) -> None:
-        stands = self.started_input.Eval(context)[0] != 0.0
-        largest = largest_base_velocity(self._motion, stands=stands)
         has_goal = np.isfinite(self.goal_input.Eval(context)).all()
-        if not has_goal or self.stop_input.Eval(context)[0] != 0.0:
-            rates = np.array([self._motion.acceleration, self._motion.turning_acceleration])
-            before = context.get_discrete_state(self._state).value()
-            largest = np.minimum(largest, np.maximum(before - self._time_step * rates, 0.0))
+        largest = largest_base_velocity(
+            self._motion,
+            context.get_discrete_state(self._state).value(),
+            self._time_step,
+            stands=self.started_input.Eval(context)[0] != 0.0,
+            brakes=not has_goal or self.stop_input.Eval(context)[0] != 0.0,
+        )
         value.set_value(limit_base_command(self.command_input.Eval(context), largest))
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:

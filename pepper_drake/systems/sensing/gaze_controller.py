@@ -50,6 +50,7 @@ class GazeController(LeafSystem):
         - best_camera
         - top_enabled
         - bottom_enabled
+        - search_delay
 
     `object_pose` (RigidTransform X_WO) and `valid` come from a GoalEstimator, `X_WT` is the torso's
     measured pose. While `valid` is zero the head searches, or stays still if there is no `search`.
@@ -68,9 +69,9 @@ class GazeController(LeafSystem):
     between two looks at it, preferably on the reaching arm's `side` of it and near the points of
     `cloud` (PointCloud in W); while `look_at` (3, in W) [m] is finite, it glances there instead.
     See `GazePolicy`. `image_ages` (2) [s] of the cameras' newest images make the search wait for
-    images.
+    images; `search_delay` (1) [s] is how long it has waited.
 
-    State: a `GazeState` as numbers (16 + N, discrete).
+    State: a `GazeState` as numbers (17 + N, discrete).
     Events: one periodic discrete update; one at initialization.
 
     Args:
@@ -128,6 +129,7 @@ class GazeController(LeafSystem):
         self._declare_output("in_view", 1, lambda state: [state.in_view])
         self._declare_output("reachable", 1, lambda state: [state.reachable])
         self._declare_output("best_camera", 1, lambda state: [max(state.camera, 0)])
+        self._declare_output("search_delay", 1, lambda state: [state.search_delay])
         names = [camera.name for camera in chosen]
         for name, camera in (("top", CAMERA_TOP), ("bottom", CAMERA_BOTTOM)):
             enabled = functools.partial(_is_enabled, names.index(camera.name))

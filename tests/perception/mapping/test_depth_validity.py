@@ -114,10 +114,15 @@ def test_an_image_with_noise_on_its_surfaces_or_of_fences_is_not_noise():
     rough = (scene() * rng.normal(1.0, 0.03, SHAPE)).astype(np.float32)
     known = points(scene())
     assert depth_fault(rough, X_WC, known, CAMERA, PARAMETERS) == DepthFault.NONE
-    # A post in each sixteen pixels: every eighth pair of neighbours has one of its edges.
-    sparse = scene()
-    sparse[:, ::16] *= 0.5
-    assert depth_fault(sparse, X_WC, known, CAMERA, PARAMETERS) == DepthFault.NONE
+    # Bars, upright or level: of the pairs of neighbours across them up to half have an edge.
+    for pitch in (4, 8, 12):
+        for bars in (
+            (slice(None), slice(None, None, pitch)),
+            (slice(None, None, pitch), slice(None)),
+        ):
+            fence = scene()
+            fence[bars] *= 0.5
+            assert depth_fault(fence, X_WC, known, CAMERA, PARAMETERS) == DepthFault.NONE
     few = np.zeros(SHAPE, np.float32)
     few[::20, ::3] = rng.uniform(CAMERA.near, 6.0, few[::20, ::3].shape)
     shows_little = ValidityParameters(shows_all=False, min_points=2000)

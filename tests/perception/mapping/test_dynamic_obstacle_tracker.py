@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 
@@ -88,6 +89,32 @@ def test_what_comes_too_near_to_be_measured_moves():
     assert len(tracker.things) == 1
     assert len(tracker.expected) > 0
     assert tracker.expected[:, 2].max() < CAMERA.near + 0.04
+
+
+@pytest.mark.parametrize("wall", [1000, 1100, 1400])
+def test_what_comes_straight_at_the_camera_stays_known_when_it_is_too_near(wall):
+    """Its last points lie in the hole: they are no reason why the wall behind them is blank."""
+
+    def comes(millimetres, radius):
+        depth = np.full((CAMERA.height, CAMERA.width), wall, np.uint16)
+        y, x = np.indices(depth.shape)
+        depth[(x - 160) ** 2 + (y - 120) ** 2 < radius**2] = millimetres
+        return depth
+
+    near = [(comes(z, 20000 / z), 0.2 * k, X_WC) for k, z in enumerate((800, 600, 480), start=1)]
+    inside = [(comes(0, 55), 0.2 * k, X_WC) for k in range(4, 8)]
+    tracker, _ = shown((comes(wall, 0), 0.0, X_WC), *near, *inside)
+    assert len(tracker.hidden[0]) > 1000
+
+
+def test_a_few_new_pixels_excuse_no_hole():
+    speck = image()
+    speck[100:104, 200:204] = 800
+    hole = speck.copy()
+    hole[image(800) == 800] = 0
+    frames = (image(), 0.0, X_WC), (speck, 0.2, X_WC), (hole, 0.4, X_WC)
+    alone = (image(), 0.0, X_WC), (np.where(hole == 800, 1400, hole), 0.4, X_WC)
+    assert len(shown(*frames)[0].hidden[0]) == len(shown(*alone)[0].hidden[0]) > 0
 
 
 def test_a_blank_beside_what_came_is_what_it_left():

@@ -148,14 +148,19 @@ def test_a_base_that_does_not_arrive():
 
 
 @pytest.mark.parametrize(
-    ("off", "blocked", "reason"),
-    [(0.04, False, "base_unsteady"), (0.06, False, "drive_failed"), (0.04, True, "drive_failed")],
+    ("off", "jitter", "blocked", "reason"),
+    [
+        (0.04, 0.002, False, "base_unsteady"),
+        (0.06, 0.002, False, "drive_failed"),
+        (0.04, 0.0, False, "drive_failed"),
+        (0.04, 0.002, True, "drive_failed"),
+    ],
 )
-def test_a_base_that_does_not_come_to_rest_at_its_place_is_unsteady(off, blocked, reason):
-    near = STAND + [0.0, off, 0.5]
-    one = Supervised().set(base_arrived=False, base_blocked=blocked, base_pose=near).failed(reason)
-    if reason == "base_unsteady":
-        assert one.state.message.endswith("at its place, 40 mm off")
+def test_a_base_that_does_not_come_to_rest_at_its_place_is_unsteady(off, jitter, blocked, reason):
+    one = Supervised().set(base_arrived=False, base_blocked=blocked).until(ReachMode.DRIVING)
+    for k in range(round(1.1 * TIMING.driving_timeout / TIMING.time_step)):
+        one.set(base_pose=STAND + [0.0, off + jitter * (k % 3), 0.0]).step()
+    assert (one.state.mode, one.state.reason) == (ReachMode.FAILED, reason)
 
 
 def test_a_base_that_something_stands_in_the_way_of_says_so():

@@ -7,6 +7,7 @@ import pytest
 from pydrake.math import RigidTransform
 
 from pepper_drake.perception.cameras.camera import CAMERA_DEPTH
+from pepper_drake.perception.mapping.depth_validity import DepthFault
 from pepper_drake.perception.mapping.dynamic_obstacles import DepthFrame
 from pepper_drake.perception.mapping.seen_space import SeenSpace
 from pepper_drake.perception.mapping.voxel_map import VoxelMap
@@ -277,8 +278,8 @@ def test_images_that_come_late_are_why_something_is_not_seen(cloud, image, seen,
     state = aged(cloud, image, goal_valid=seen).state
     assert (state.mode, state.reason) == (ReachMode.FAILED, reason)
     if reason == "images_missing":
-        # The mean of two seconds.
-        assert "the newest is 1.0 s old on average; no marker" in state.message
+        # The mean of the first second.
+        assert "the newest is 0.9 s old on average; no marker" in state.message
 
 
 def test_depth_images_that_come_late_are_why_a_drive_is_not_seen():
@@ -294,11 +295,18 @@ def test_depth_images_that_come_late_are_why_a_drive_is_not_seen():
     assert with_cause(other, PARAMS) is other
 
 
-@pytest.mark.parametrize(("image", "longer"), [(0.3, 1.0), (1.2, 2.0), (5.0, 1.0)])
-def test_the_search_may_last_longer_while_it_waits_for_images(image, longer):
+def test_a_depth_camera_whose_images_are_rejected_is_named_for_that():
+    one = aged(1.2, 0.3, seconds=1.5, cloud_fault=DepthFault.NOISE)
+    late = replace(one.state, steadiness=replace(one.state.steadiness, ages=np.array([1.0, 0.3])))
+    named = with_cause(late.fail(one.time, PlanStatus.NOT_SEEN.value, "a place"), PARAMS)
+    assert named.reason == "cloud_missing"
+    assert "noise" in named.message
+
+
+@pytest.mark.parametrize(("image", "longer"), [(0.3, 5.0), (5.0, 0.0)])
+def test_the_search_may_last_as_much_longer_as_it_waits_for_images(image, longer):
     """But not if they are lost."""
     timing = replace(TIMING, goal_timeout=4.0)
-    one = aged(0.3, image, timing=timing, goal_valid=False)
+    one = aged(0.3, image, timing=timing, goal_valid=False, search_delay=5.0)
     assert one.state.mode == ReachMode.FAILED
-    assert one.time == pytest.approx(longer * timing.goal_timeout, abs=0.3)
-    assert (one.state.reason == "images_missing") == (image > PARAMS.late)
+    assert one.time == pytest.approx(timing.goal_timeout + longer, abs=0.3)

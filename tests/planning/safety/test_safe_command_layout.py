@@ -30,7 +30,8 @@ def commands(draw):
         draw(rows(3)),
         draw(rows(5)),
         np.array(draw(st.lists(st.integers(0, 9), min_size=4, max_size=4)), dtype=np.intp),
-        draw(row | st.just(np.full(4, np.nan))),
+        draw(row),
+        draw(row | st.just(np.full(4, np.nan)) | st.just(np.full(4, np.inf))),
     )
 
 

@@ -130,9 +130,11 @@ def searched_times(period, latency, until, last=np.inf):
     bench = Bench(FAR, system, valid=[0.0])
     for k in range(round(until / 0.02)):
         now = 0.02 * k
-        taken = period * np.floor((min(now - latency, last)) / period + 1e-9)
+        taken = 0.07 + period * np.floor((min(now - latency, last) - 0.07) / period + 1e-9)
         bench.fix("image_ages", [np.inf, now - taken if taken >= 0.0 else np.inf])
         bench.run(now + 0.001)
+    waited = bench.output("search_delay")[0]
+    assert waited == pytest.approx(0.02 * (len(asked) - 1) - asked[-1], abs=1e-6)
     return np.array(asked)
 
 
@@ -157,7 +159,8 @@ def test_without_any_image_the_search_stays_in_its_first_view():
 def test_a_search_waits_soon_after_its_images_end():
     search = LIMITS.search
     searched = searched_times(0.2, 0.25, 9.0, last=4.0)
-    assert searched.max() == pytest.approx(4.25 + search.first_duration, abs=0.05)
+    # The last was taken at 3.87 s.
+    assert searched.max() == pytest.approx(3.87 + 0.25 + search.first_duration, abs=0.03)
 
 
 def test_a_search_whose_images_come_again_goes_on_where_it_waited():
