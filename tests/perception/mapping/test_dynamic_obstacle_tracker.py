@@ -109,7 +109,7 @@ def test_what_comes_straight_at_the_camera_stays_known_when_it_is_too_near(wall)
 
 def test_a_few_new_pixels_excuse_no_hole():
     speck = image()
-    speck[100:104, 200:204] = 800
+    speck[100:104, 190:194] = 1200
     hole = speck.copy()
     hole[image(800) == 800] = 0
     frames = (image(), 0.0, X_WC), (speck, 0.2, X_WC), (hole, 0.4, X_WC)

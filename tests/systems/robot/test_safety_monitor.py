@@ -200,14 +200,14 @@ def test_a_stopped_robot_yields_again_when_it_is_pressed_anew():
         assert rig.passed()[0] == pytest.approx(end, abs=1e-9)
 
 
-def wandering(command_of, seconds):
+def wandering(deviation, seconds, seed=0):
     """Largest motion of a stopped joint's command whose deviation is a function of time [rad]."""
-    rig, rng = Rig(contact=ContactParams()), np.random.default_rng(0)
+    rig, rng = Rig(contact=ContactParams()), np.random.default_rng(seed)
     rig.monitor.clearance_input.FixValue(rig.context, [0.0])
     rig.advance(0.5)
     moved = 0.0
     for k in range(round(seconds / TIME_STEP)):
-        rig.advance(off=np.array([0.0, command_of(TIME_STEP * k, rng), 0.0, 0.0, 0.0]))
+        rig.advance(off=np.array([0.0, deviation(TIME_STEP * k, rng), 0.0, 0.0, 0.0]))
         moved = max(moved, abs(rig.passed()[1] - START[1]))
     return moved
 
@@ -223,6 +223,12 @@ def wandering(command_of, seconds):
 )
 def test_a_joint_that_is_off_by_a_changing_angle_does_not_lead_it_away_either(off):
     assert wandering(off, 20.0) <= 0.2
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_of_a_joint_that_is_off_is_not_taken_for_pressing(seed):
+    moved = wandering(lambda t, rng: 0.1 + rng.normal(0.0, 0.005), 1.5, seed)
+    assert 0.0 < moved <= ContactParams().give_way_angle + 1e-9
 
 
 @pytest.mark.parametrize("off", [-0.1, 0.03, 0.1])
