@@ -40,7 +40,7 @@ class DriveSupervision:
             if self._observation.image_ages.min() < timing.images_lost:
                 longest += self._observation.search_delay
             if time - state.since > longest:
-                message = f"no marker of the goal object was seen in {longest:.0f} s"
+                message = f"no marker of the goal object was seen in {longest:.3g} s"
                 return self._goal_unseen(state, "goal_not_seen", message)
             return state
         if np.isnan(state.goal_seen_since):

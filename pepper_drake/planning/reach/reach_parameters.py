@@ -237,7 +237,8 @@ class ReachTiming:
     driving_timeout: float = 20.0
     """Longest drive to one base placement [s]."""
     base_near: float = 0.05
-    """Distance to its place within which a base that did not arrive in time is unsteady [m]."""
+    """Distance to its place within which a base that did not arrive in time, and still moves, is
+    unsteady [m]."""
     settling: float = 0.6
     """Time for which the robot stands and looks again before it reaches [s]."""
     settling_timeout: float = 10.0

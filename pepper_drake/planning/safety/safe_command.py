@@ -3,7 +3,7 @@
 In a stop the joints brake within their acceleration limits; after a contact they back off along
 their motion; when something still presses on them, the command yields to the measured position. A
 joint whose motor or encoder is off by an angle deviates as much, but moves along with its command,
-which must not follow it: a small step tells. All commands pass the limiter in
+which must not follow it; a small test step distinguishes the two. All commands pass the limiter in
 `planning.safety.command_limits`.
 """
 

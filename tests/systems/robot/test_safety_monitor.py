@@ -3,8 +3,10 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from pepper_drake.models.control_model import arm_joints, shared_control_model
+from pepper_drake.models.robot_wear import RobotWear
 from pepper_drake.planning.safety.command_check import STOP_SENTENCES, StopReason, stop_sentence
 from pepper_drake.planning.safety.contact_detection import ContactParams
+from pepper_drake.planning.safety.safe_command import SafeCommand
 from pepper_drake.systems.robot.safety_monitor import SafetyMonitor
 
 START = np.array([1.0, -0.5, 0.5, 0.8, 0.1])
@@ -229,6 +231,26 @@ def test_a_joint_that_is_off_by_a_changing_angle_does_not_lead_it_away_either(of
 def test_noise_of_a_joint_that_is_off_is_not_taken_for_pressing(seed):
     moved = wandering(lambda t, rng: 0.1 + rng.normal(0.0, 0.005), 1.5, seed)
     assert 0.0 < moved <= ContactParams().give_way_angle + 1e-9
+
+
+@pytest.mark.parametrize("side", [-0.5, 0.5])
+@pytest.mark.parametrize("off", [-0.1, -0.05, 0.05, 0.1])
+def test_slack_and_latency_of_a_worn_robot_are_not_taken_for_pressing(off, side):
+    wear = RobotWear.draw(0)
+    slack, delay = float(wear.backlash.max()), round(wear.command_latency / TIME_STEP)
+    params, limits = ContactParams().on_worn_robot(wear), Rig().limits
+    command = SafeCommand.at_rest(START).stopped(StopReason.REQUESTED)
+    joint, sent = START[1] + side * slack, [START[1]] * (delay + 1)
+    for _ in range(150):
+        command = command.advanced(START, limits, TIME_STEP)
+        sent.append(command.position[1])
+        reached = sent[-1 - delay]
+        joint = np.clip(joint, reached - 0.5 * slack, reached + 0.5 * slack)
+        measured = command.position + [0.0, joint + off - command.position[1], 0.0, 0.0, 0.0]
+        command = command.compared(measured, params, TIME_STEP)
+        moved = abs(command.position[1] - START[1])
+        assert moved <= params.give_way_angle + 1e-9
+    assert moved == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("off", [-0.1, 0.03, 0.1])
